@@ -7,13 +7,14 @@ without ccache, all wheels downloaded before. User and system time of all proces
 work on the machine changes little.
 """
 
-import argparse
 import os
 import subprocess
 import sys
 import tempfile
 import tomllib
 from pathlib import Path
+
+from printing import arguments, head, row
 
 SOURCE = Path(__file__).parents[1]
 PROGRAMS = {
@@ -59,14 +60,11 @@ def installed(folder: Path) -> tuple[float, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--compiler", default="g++")
-    parser.add_argument("--eigen", default="/usr/include/eigen3")
-    given = parser.parse_args()
+    given = arguments(__doc__, compiler="g++", eigen="/usr/include/eigen3")
     for launcher in ("CMAKE_CXX_COMPILER_LAUNCHER", "CMAKE_C_COMPILER_LAUNCHER", "PYTHONPATH"):
         os.environ.pop(launcher, None)
     os.environ |= {"CCACHE_DISABLE": "1", "CXX": given.compiler}
-    print("| compiled | CPU (s) | over Eigen/Dense | memory (MB) |\n|---|---:|---:|---:|")
+    head("compiled", "CPU (s)", "over Eigen/Dense", "memory (MB)")
     with tempfile.TemporaryDirectory() as name:
         folder, base = Path(name), 0.0
         options = ["-std=c++20", "-O2", "-fno-math-errno", f"-I{SOURCE / 'include'}"]
@@ -76,9 +74,9 @@ def main() -> None:
             runs = [used(given.compiler, *options) for _ in range(1 if base else 3)]
             time, memory = min(runs)
             base = base or time
-            print(f"| {program} | {time:.2f} | {time / base:.2f} | {memory:.0f} |", flush=True)
+            row(program, f"{time:.2f}", f"{time / base:.2f}", f"{memory:.0f}")
         time, memory = installed(folder)
-        print(f"| `pip install .` | {time:.0f} | {time / base:.0f} | {memory:.0f} |")
+        row("`pip install .`", f"{time:.0f}", f"{time / base:.0f}", f"{memory:.0f}")
 
 
 if __name__ == "__main__":

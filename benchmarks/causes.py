@@ -7,9 +7,6 @@ identifiable if its hypothesis gains at least 18 in log likelihood (6 σ) over n
 the poses of a log are in units of the covariance of a robot whose wrong part is known.
 """
 
-from __future__ import annotations
-
-import argparse
 import math
 import time
 from collections import defaultdict
@@ -19,6 +16,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from printing import arguments
 
 import truepose as tp
 from truepose.calibration import log_checks
@@ -26,6 +24,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.causes import search as causes
 from truepose.calibration.causes.hypothesis import GROSS, Case, evidence
 from truepose.robot.units import reading_units
+from truepose.robot.workspace import workspace_samples
 
 ROBOTS = {
     "h4, θ": ("h4", ("theta",)),
@@ -59,8 +58,7 @@ class Made:
         self.rng = rng = np.random.default_rng([seed, number])
         name, sensors = list(ROBOTS.values())[number % len(ROBOTS)]
         self.robot = robot = tp.load(name).with_sensors(*sensors)
-        box = robot.spec.workspace
-        self.x = rng.uniform(box.minimum, box.maximum, (POSES, robot.n))
+        self.x = workspace_samples(robot, POSES, rng)
         self.true = robot.sample(seed=int(rng.integers(1 << 30)))
         self.noise = int(rng.integers(1 << 30))
 
@@ -200,10 +198,8 @@ def searched(number: int, seed: int) -> Found:
 def clean(number: int, seed: int) -> bool:
     """Return whether a cause is claimed in a good log."""
     made = Made(number, seed + 1)
-    found = causes.search(
-        Case(made.robot, log_checks.log_of(made.robot, made.read(made.true)))
-    ).causes
-    return found.verdict not in ("none", "unexplained")
+    case = Case(made.robot, log_checks.log_of(made.robot, made.read(made.true)))
+    return causes.search(case).causes.verdict not in ("none", "unexplained")
 
 
 def show(found: list[Found]) -> None:
@@ -223,10 +219,7 @@ def show(found: list[Found]) -> None:
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("logs", 1000), ("clean", 1000), ("seed", 0), ("jobs", 2)):
-        parse.add_argument(f"--{name}", type=int, default=default)
-    asked = parse.parse_args()
+    asked = arguments(__doc__, logs=1000, clean=1000, seed=0, jobs=2)
     with ProcessPoolExecutor(asked.jobs) as pool:
         show(list(pool.map(partial(searched, seed=asked.seed), range(asked.logs))))
         good = list(pool.map(partial(clean, seed=asked.seed), range(asked.clean)))

@@ -6,22 +6,22 @@ faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
 faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
-faults.py consequences [--seed 0]        # docs/fault-consequences.md
+faults.py consequences                   # docs/fault-consequences.md
 
 Robots calibrated themselves on readings at 100 poses. Errors are relative to the same run without
 a fault. Delays count from the first cycle in which the reading is off by the limit of
 `tp.faults.detectability` (median over the path), under `monitor` from the fault on.
 """
 
-import argparse
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose import _core
@@ -29,8 +29,8 @@ from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
 from truepose.faults.monitor import first
 from truepose.robot.laws import LAWS
-from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.units import angles, reading_units
+from truepose.robot.workspace import workspace_grid, workspace_samples
 from truepose.simulation.paths import default_move
 
 SETS = {
@@ -63,8 +63,7 @@ def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[t
 
 def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
     """Return random poses of the workspace."""
-    box = robot.spec.workspace
-    return np.random.default_rng([seed, 1]).uniform(box.minimum, box.maximum, (count, robot.n))
+    return workspace_samples(robot, count, np.random.default_rng([seed, 1]))
 
 
 def way(robot: tp.Robot, count: int, seed: int, each: float) -> tp.simulation.Waypoints:
@@ -109,7 +108,7 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     limits = Shell().limits(robot, controller)
     detectable = tp.faults.detectability(robot, healthy.x[::20], poses(robot, POSES, seed))
     stated = detectable.pose_error(law)[..., 0].reshape(-1, len(robot.readings))
-    turning = np.array([unit == "rad" for _, unit in robot.coordinates])
+    turning = angles(robot)
     results = []
     for c, reading in enumerate(robot.readings):
         limit = float(np.median(detectable.detected[:, c]))
@@ -153,15 +152,14 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     return results
 
 
-def print_faults(found: Iterable[dict], by: str) -> None:
+def print_faults(found: Iterable[list[dict]], by: str) -> None:
     """Print one row per kind of fault and mode or sensor set."""
     groups = defaultdict(list)
-    for one in found:
+    for one in chain.from_iterable(found):
         groups[one[by], one["kind"]].append(one)
-    row(by, "kind", "cases", "detected", "median, 99 % (ms)", "isolated: right, none, wrong",
+    head(by, "kind", "cases", "detected", "median, 99 % (ms)", "isolated: right, none, wrong",
         "error: median, 99 %, largest (mm, °)", "beyond max(1 mm, 1.2 × stated)",
-        "stop, over the printed one")  # fmt: skip
-    row("---", "---", *["---:"] * 7)
+        "stop, over the printed one", words=2)  # fmt: skip
     for (group, kind), cases in groups.items():
         off, turned, stated, ways, delays = (
             np.array([one[key] for one in cases])
@@ -179,7 +177,7 @@ def print_faults(found: Iterable[dict], by: str) -> None:
             ", ".join(str(names[verdict]) for verdict in ("right", "none", "wrong")),
             f"{np.median(off):.2f}, {np.quantile(off, 0.99):.1f}, {off.max():.1f}, "
             f"{turned.max():.1f}",
-            int((off > stated).sum()),
+            (off > stated).sum(),
             f"{ways.max():.2f}" if len(ways) else "",
         )
 
@@ -219,9 +217,8 @@ def frozen(task: tuple[str, str, bool, int]) -> list[tuple]:
 
 def print_frozen(pool: ProcessPoolExecutor, robots: int) -> None:
     tasks = product(SETS, ("joint", "estimated"), (True, False), range(robots))
-    rows = np.array([one for many in pool.map(frozen, tasks) for one in many])
-    row("speed (m/s)", "frames", "cases", "detected after (cycles)", "way (mm)", "over printed")
-    row(*["---:"] * 6)
+    rows = np.array([*chain.from_iterable(pool.map(frozen, tasks))])
+    head("speed (m/s)", "frames", "cases", "detected after (cycles)", "way (mm)", "over printed")
     for speed, counter in sorted(map(tuple, np.unique(rows[:, :2], axis=0)), reverse=True):
         cycles, way, over = rows[(rows[:, :2] == (speed, counter)).all(axis=1), 2:].T
         frames = "with a counter" if counter else "without"
@@ -275,8 +272,7 @@ def print_healthy(pool: ProcessPoolExecutor, robots: int, seconds: float) -> Non
     groups = defaultdict(list)
     for which, kind, *one in pool.map(partial(healthy, seconds), product(range(robots), SETS)):
         groups[which, kind].append(one)
-    row("sensors", "disturbance", "robots", "cycles", "alarms", "named")
-    row("---", "---", "---:", "---:", "---", "---")
+    head("sensors", "disturbance", "robots", "cycles", "alarms", "named", words=2)
     for group, found in sorted(groups.items()):
         cycles, alarms, names = zip(*(one for one in found if one[0]), strict=True)
         said = "; ".join(f"{name}: {times}" for name, times in Counter(names).most_common())
@@ -319,8 +315,7 @@ def rates(seconds: float, task: tuple[str, int]) -> list[int]:
 
 
 def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
-    row("sensors", "cycles", *(f"over allowed at {c:g}" for c in CHANCES))
-    row("---", *["---:"] * 4)
+    head("sensors", "cycles", *(f"over allowed at {c:g}" for c in CHANCES))
     for which in list(SETS)[:3]:
         tasks = [(which, seed) for seed in range(robots)]
         pieces, *alarms = np.sum(list(pool.map(partial(rates, seconds), tasks)), axis=0)
@@ -351,8 +346,7 @@ def beyond(run: tp.simulation.Simulation, healthy: tp.simulation.Simulation) -> 
 
 
 def noise(robots: int) -> None:
-    row("sensors, law", "reading", "noise", "without (mm)", "with (mm)", "failed")
-    row("---", "---", "---", "---:", "---:", "---:")
+    head("sensors, law", "reading", "noise", "without (mm)", "with (mm)", "failed", words=3)
     for which, law in product(list(SETS)[:2], ("joint", "tej", "estimated")):
         cases = defaultdict(list)
         for seed in range(robots):
@@ -374,8 +368,8 @@ def noise(robots: int) -> None:
 
 
 def payload(robots: int) -> None:
-    row("payload (kg)", "named", "error after 0.5 s (%), median, largest", "sag, with feed-forward")
-    row("---:", "---:", "---:", "---:")
+    head("payload (kg)", "named", "error after 0.5 s (%), median, largest",
+         "sag, with feed-forward")  # fmt: skip
     for mass in (0.7, 1.0, 2.0, 4.0):
         error, sag = [], []
         for seed in range(robots):
@@ -385,7 +379,8 @@ def payload(robots: int) -> None:
                 tp.simulate(*pair, run=run, monitor=monitor)
                 for run, monitor in (
                     (still, None),
-                    *((picked, tp.FaultMonitor(carry=carry)) for carry in (False, True)),
+                    (picked, tp.FaultMonitor()),
+                    (picked, tp.FaultMonitor(carry=True)),
                 )
             )
             sag.append([1e3 * np.linalg.norm((ran.x - usual.x)[-1, :3]) for ran in runs])
@@ -396,24 +391,17 @@ def payload(robots: int) -> None:
         row(mass, f"{len(error)} of {robots}", ends, "{:.2f}, {:.2f} mm".format(*np.median(sag, 0)))
 
 
-def consequences(seed: int) -> None:
+def consequences() -> None:
     """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
-    robot, rng = tp.load("h4"), np.random.default_rng(seed)
+    robot, rng = tp.load("h4"), np.random.default_rng(0)
     table = workspace_grid(robot)
     others = [table[rng.choice(len(table), 2, replace=False)] for _ in range(29)]
     ways = [(*default_move(robot), 0.1)]  # the paper's
     ways += [(start, end, round(rng.uniform(0, 0.3), 3)) for start, end in others]
-    sizes = {"bias": np.radians(1), "spike": np.radians(1), "drift": np.radians(1)}
-    sizes |= {
-        "stuck": None,
-        "dropout": None,
-        "sign": None,
-        "gain": 1.05,
-        "delay": 0.005,
-        "swap": None,
-    }
-    row("fault", *LAWS, "median", "detected")
-    row("---", *["---:"] * 7)
+    sizes = dict.fromkeys(("bias", "spike", "drift"), np.radians(1))
+    sizes |= dict.fromkeys(("stuck", "dropout", "sign")) | {"gain": 1.05, "delay": 0.005}
+    sizes |= {"swap": None}
+    head("fault", *LAWS, "median", "detected")
     cases = [("theta", "none", None), *((c, *of) for of in sizes.items() for c in ("theta", "q1"))]
     for reading, kind, size in cases:
         cells, monitored = [], []
@@ -441,47 +429,30 @@ def consequences(seed: int) -> None:
         row(f"{reading}: {kind}", *cells, f"{median:.2g}", found)
 
 
-def row(*cells: object) -> None:
-    print("|", " | ".join(map(str, cells)), "|", flush=True)
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     robots = {
         "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100, "noise": 3,
-        "payload": 30,
+        "payload": 30, "consequences": 1,
     }  # fmt: skip
-    parser.add_argument("what", choices=robots)
-    parser.add_argument("--robots", type=int)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--jobs", type=int, default=2)
-    args = parser.parse_args()
-    count, tables = (
-        args.robots or robots[args.what],
-        {f.__name__: f for f in (noise, payload)},
-    )
-    if args.what in tables:
-        tables[args.what](count)
-    else:
-        with ProcessPoolExecutor(args.jobs) as pool:
-            tasks = list(product(SETS, range(count)))
-            if args.what == "monitor":
-                found = pool.map(partial(each_fault, "estimated", False), tasks)
-                print_faults((one for many in found for one in many), "sensors")
-            elif args.what == "campaign":
-                found = [
-                    one
-                    for law in ("joint", "estimated")
-                    for many in pool.map(partial(each_fault, law, True), tasks)
-                    for one in many
-                ]
-                print_faults(found, "mode")
-            elif args.what == "frozen":
-                print_frozen(pool, count)
-            elif args.what == "healthy":
-                print_healthy(pool, count, args.seconds)
-            else:
-                print_rates(pool, count, args.seconds)
+    args = arguments(__doc__, *robots, robots=0, seconds=10.0, jobs=2)
+    count = args.robots or robots[args.what]
+    with ProcessPoolExecutor(args.jobs) as pool:
+        tasks = list(product(SETS, range(count)))
+
+        def faults(shells: bool, *laws: str) -> Iterable[list[dict]]:
+            return chain(*(pool.map(partial(each_fault, law, shells), tasks) for law in laws))
+
+        print_of = {
+            "monitor": lambda: print_faults(faults(False, "estimated"), "sensors"),
+            "campaign": lambda: print_faults(faults(True, "joint", "estimated"), "mode"),
+            "frozen": lambda: print_frozen(pool, count),
+            "healthy": lambda: print_healthy(pool, count, args.seconds),
+            "rates": lambda: print_rates(pool, count, args.seconds),
+            "noise": lambda: noise(count),
+            "payload": lambda: payload(count),
+            "consequences": consequences,
+        }
+        print_of[args.what]()
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from collections import defaultdict
 
 KNOWN = pathlib.Path(__file__).with_name("instructions.json")
 MOST = 2  #: times the stored count
@@ -36,10 +37,8 @@ GOALS = {
     )
 } | {"H4 FKM from home, 12 steps": "H4 FKM from home"}
 
-Counts = dict[str, dict[str, int]]
 
-
-def count(executable: str) -> Counts:
+def count(executable: str) -> dict[str, dict[str, int]]:
     """Return median and worst of every operation."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "callgrind.out"
@@ -47,24 +46,21 @@ def count(executable: str) -> Counts:
         words = ["valgrind", *options, executable, "--count"]
         run = subprocess.run(words, check=True, capture_output=True, text=True)
         print(run.stdout, end="")
-        usual: dict[str, list[int]] = {}
-        hostile: dict[str, list[int]] = {}
+        calls = defaultdict(lambda: ([], []))  # usual, hostile
         # One part per call with the operation and its count.
         part = re.compile(
             r"^desc: Trigger: Client Request: (.+?)(!?)$.*?^summary: (\d+)", re.M | re.S
         )
         for name, mark, instructions in part.findall(out.read_text()):
-            (hostile if mark else usual).setdefault(name, []).append(int(instructions))
+            calls[name][bool(mark)].append(int(instructions))
     return {
-        name: {
-            "median": round(statistics.median(calls)),
-            "worst": max(calls + hostile.get(name, [])),
-        }
-        for name, calls in sorted(usual.items())
+        name: {"median": round(statistics.median(usual)), "worst": max(usual + hostile)}
+        for name, (usual, hostile) in sorted(calls.items())
+        if usual
     }
 
 
-def compare(counts: Counts, before: Counts) -> bool:
+def compare(counts: dict, before: dict) -> bool:
     """Print a table; return whether a count grew, or an operation was added or removed."""
     failed = False
     for name in sorted(counts | before):
@@ -80,9 +76,7 @@ def compare(counts: Counts, before: Counts) -> bool:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("executable")
     parser.add_argument("--compiler", required=True)
     parser.add_argument("--update", action="store_true")

@@ -9,13 +9,13 @@ last 0.2 s no coordinate moves by more than 50 µm or 0.05° peak to peak, and n
 more than 2 % of its limit, rms about its mean.
 """
 
-import argparse
-
 import numpy as np
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose.control.gains import REST, REST_TORQUE
 from truepose.control.loci import worst
+from truepose.robot.units import angles
 
 LAWS = ("joint", "tej", "weighted", "estimated")
 RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 0.5)  # kHz
@@ -31,7 +31,7 @@ def chosen(robot: tp.Robot, law: str, period: float) -> tp.Controller | None:
         return None
 
 
-def bears(robot: tp.Robot, controller: tp.Controller) -> str:
+def bears(robot: tp.Robot, controller: tp.Controller) -> list[str]:
     """Return gains and margins: of all motors together, then the least of any single one."""
     found = tp.control.stability_margins(robot, controller)
     together, *each = found.loops
@@ -40,15 +40,15 @@ def bears(robot: tp.Robot, controller: tp.Controller) -> str:
         least = worst([found.worst(loop) for loop in loops])
         gain = 20 * np.log10(min(least.more, least.less))
         cells.append(f"{gain:.1f} dB, {np.degrees(least.phase):.0f}°, {least.delay:.1f}")
-    lengths, angles = _lengths(robot), ~_lengths(robot)
-    swing = [found.limit_cycle[:, part].max(initial=0.0) for part in (lengths, angles)]
-    return " | ".join([*cells, f"{1e6 * swing[0]:.1f} µm, {np.degrees(swing[1]):.3f}°"])
+    turning = angles(robot)
+    swing = [found.limit_cycle[:, part].max(initial=0.0) for part in (~turning, turning)]
+    return [*cells, f"{1e6 * swing[0]:.1f} µm, {np.degrees(swing[1]):.3f}°"]
 
 
 def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
     """Simulate sampled robots and return their motion at the end of the hold."""
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
-    found = []
+    turning, found = angles(robot), []
     for seed in range(seeds):
         truth = robot.sample(seed)
         run = tp.simulate(
@@ -61,24 +61,15 @@ def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
         last = run.time >= run.time[-1] - LAST
         swing = np.ptp(run.x[last], axis=0)
         shake = (run.torque[last].std(axis=0) / limits).max()
-        parts = [swing[part].max(initial=0.0) for part in (_lengths(robot), ~_lengths(robot))]
+        parts = [swing[part].max(initial=0.0) for part in (~turning, turning)]
         found.append([*parts, shake])
     far, turn, shake = np.max(found, axis=0)
     text = f"{1e6 * far:.1f}, {np.degrees(turn):.3f}, {100 * shake:.2f}"
     return text if (np.array([far, turn, shake]) <= [*REST, REST_TORQUE]).all() else f"**{text}**"
 
 
-def _lengths(robot: tp.Robot) -> np.ndarray:
-    return np.array([unit == "m" for _, unit in robot.coordinates])
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=tp.list_robots())
-    parser.add_argument("--laws", nargs="+", default=LAWS)
-    parser.add_argument("--rates", nargs="+", type=float, default=RATES)
-    parser.add_argument("--seeds", type=int, default=3)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, robots=tuple(tp.list_robots()), laws=LAWS, rates=RATES, seeds=3)
     loops, held = [], []
     for name in asked.robots:
         robot = tp.load(name)
@@ -87,19 +78,18 @@ def main() -> None:
             cells = []
             for rate in asked.rates:
                 controller = chosen(robot, law, 1e-3 / rate)
-                cells.append(
-                    "refused" if controller is None else rests(robot, controller, asked.seeds)
-                )
-                if controller is not None and rate == asked.rates[0]:
-                    loops.append(f"| {name} | {law} | {bears(robot, controller)} |")
-            held.append(f"| {name} | {law} | " + " | ".join(cells) + " |")
-            print(held[-1], flush=True)
-    kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles | one motor or reading"
-    print(f"\n| robot | law | poles, filter (rad/s) | {kept} | limit cycle |")
-    print("|---|---|---:|---:|---:|---:|", *loops, sep="\n")
-    rates = " | ".join(f"{rate:g} kHz" for rate in asked.rates)
-    print(f"\n| robot | law | {rates} |")
-    print("|---|---|" + "---:|" * len(asked.rates), *held, sep="\n")
+                cells.append(rests(robot, controller, asked.seeds) if controller else "refused")
+                if controller and rate == asked.rates[0]:
+                    loops.append((name, law, *bears(robot, controller)))
+            held.append((name, law, *cells))
+            row(*held[-1])
+    kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles", "one motor or reading"
+    rates = [f"{rate:g} kHz" for rate in asked.rates]
+    for names, rows in ((["poles, filter (rad/s)", *kept, "limit cycle"], loops), (rates, held)):
+        print()
+        head("robot", "law", *names, words=2)
+        for cells in rows:
+            row(*cells)
 
 
 if __name__ == "__main__":

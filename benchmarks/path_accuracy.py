@@ -6,11 +6,12 @@ path_accuracy.py iso [--robots 20] [--jobs 1]        # AT and RT at three speeds
 Every robot is sampled from the tolerances, each rod on its own. Minutes on one core.
 """
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
@@ -33,12 +34,9 @@ CASES = {
 }
 
 
-def circle(frequency: float, turns: float) -> tp.simulation.Circle:
-    return tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=frequency, turns=turns)
-
-
+CIRCLE = tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=1.0)
 PATHS = {
-    "circle": tp.simulation.Circle(centre=CENTRE, radius=RADIUS, frequency=1.0),
+    "circle": CIRCLE,
     "square": tp.simulation.Waypoints(
         poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in CORNERS], duration=0.4
     ),
@@ -83,9 +81,8 @@ def iso(seed: int) -> dict:
 
 def print_iso(robots: list[dict]) -> None:
     """Print medians over the robots."""
-    row("path, speed, robot, law", "AT (mm)", "RT (mm)", "AT θ (°)", "contouring (mm)",
-        "tracking (mm)", "saturated (%)")  # fmt: skip
-    row("---", *["---:"] * 6)
+    head("path, speed, robot, law", "AT (mm)", "RT (mm)", "AT θ (°)", "contouring (mm)",
+         "tracking (mm)", "saturated (%)")  # fmt: skip
     for case in sorted(robots[0], key=str):
         median = np.median([one[case] for one in robots], axis=0)
         cells = median * [1e3, 1e3, 180 / np.pi, 1e3, 1e3, 100]
@@ -103,7 +100,7 @@ def contour(seed: int) -> dict:
             controller = bears if soft else tp.Controller(law=law)
             followed = tp.simulation.path_accuracy(
                 robot,
-                circle(2, 3),
+                replace(CIRCLE, frequency=2.0, turns=3),
                 controller=controller,
                 effects=effects,
                 time=time,
@@ -114,14 +111,9 @@ def contour(seed: int) -> dict:
     return found
 
 
-def row(*cells: object) -> None:
-    print("|", " | ".join(map(str, cells)), "|", flush=True)
-
-
 def print_contour(robots: list[dict]) -> None:
     """Print the largest rms and error, the median rms, and the robots beyond the goal."""
-    row("case", *(f"{law} (mm)" for law in LAWS))
-    row("---", *["---:"] * len(LAWS))
+    head("case", *(f"{law} (mm)" for law in LAWS))
     for case in CASES:
         cells = []
         for law in LAWS:
@@ -138,13 +130,10 @@ def print_contour(robots: list[dict]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=("contour", "iso"))
-    parser.add_argument("--robots", type=int, default=20)
-    parser.add_argument("--jobs", type=int, default=1)
-    args = parser.parse_args()
+    both = {"contour": (contour, print_contour), "iso": (iso, print_iso)}
+    args = arguments(__doc__, *both, robots=20, jobs=1)
     with ProcessPoolExecutor(args.jobs) as pool:
-        work, show = {"contour": (contour, print_contour), "iso": (iso, print_iso)}[args.what]
+        work, show = both[args.what]
         show(list(pool.map(work, range(args.robots))))
 
 

@@ -14,33 +14,18 @@ Python, except truepose's: batched from Python on every core, and from C++ on on
 own 6-UPS, ±60 mm and ±0.15 rad).
 """
 
-import argparse
 import subprocess
 import time
 
 import numpy as np
+from printing import arguments
+from scipy.spatial.transform import Rotation
 
 import truepose as tp
 
 HALF_WIDTHS = np.array([0.08, 0.08, 0.06, *np.radians([15, 15, 15])])
 RESIDUAL = 1e-12  # m
 COLUMNS = ("IK + J", "FK from 1 mm, 1 mrad", "FK from home")
-
-
-def rotation(w):
-    """Return exp of a rotation vector (Rodrigues)."""
-    W = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
-    t2 = w @ w
-    t = np.sqrt(t2)
-    a, b = (1 - t2 / 6, 0.5) if t < 1e-4 else (np.sin(t) / t, (1 - np.cos(t)) / t2)
-    return np.eye(3) + a * W + b * W @ W
-
-
-def quaternion(R):
-    """Return (w, x, y, z) of a rotation by less than 180°."""
-    w = 0.5 * np.sqrt(1 + np.trace(R))
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return np.array([w, *axis / (4 * w)])
 
 
 class Legs:
@@ -62,11 +47,11 @@ class Legs:
 class Peer:
     """Newton's method on a peer's residuals and Jacobian.
 
-    A state is the platform's position and quaternion (`order` from w, x, y, z), then two hinges and
-    a slide per leg; a velocity has 6 entries for the platform.
+    A state is the platform's position and quaternion, then two hinges and a slide per leg; a
+    velocity has 6 entries for the platform.
     """
 
-    order = (0, 1, 2, 3)
+    scalar_first = True
     slides = 6 + 3 * np.arange(6) + 2
 
     def newton(self, q, free):
@@ -82,7 +67,8 @@ class Peer:
     def at(self, pose):
         """Return the state at a pose, and the closure's Jacobian."""
         q = self.home.copy()
-        q[:3], q[3:7] = pose[:3], quaternion(rotation(pose[3:]))[list(self.order)]
+        turn = Rotation.from_rotvec(pose[3:]).as_quat(scalar_first=self.scalar_first)
+        q[:3], q[3:7] = pose[:3], turn
         return self.newton(q, np.arange(6, 24))
 
     def inverse(self, pose):
@@ -100,7 +86,7 @@ class Peer:
 
 class Pinocchio(Peer):
     name = "Pinocchio, Python"
-    order = (1, 2, 3, 0)
+    scalar_first = False
 
     def __init__(self, legs):
         import pinocchio as pin
@@ -156,8 +142,9 @@ class MuJoCo(Peer):
         inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
         sites = "".join(f'<site name="a{i}" pos="{text(p)}"/>' for i, p in enumerate(legs.pivot))
         bodies = f'<body pos="{text(legs.home[:3])}"><freejoint/>{inertia}{sites}</body>'
+        turns = Rotation.from_matrix(legs.frame).as_quat(scalar_first=True)
         for i in range(6):
-            place = f'pos="{text(legs.base[i])}" quat="{text(quaternion(legs.frame[i]))}"'
+            place = f'pos="{text(legs.base[i])}" quat="{text(turns[i])}"'
             bodies += (
                 f'<body {place}><joint axis="1 0 0"/><joint axis="0 1 0"/>'
                 f'<joint type="slide" axis="0 0 1"/>{inertia}<site name="t{i}"/></body>'
@@ -211,8 +198,8 @@ def measure_peer(peer, robot, x, near):
     )
 
 
-def measure_truepose(robot, x, near, copies=100):
-    x, near = np.tile(x, (copies, 1)), np.tile(near, (copies, 1))
+def measure_truepose(robot, x, near):
+    x, near = np.tile(x, (100, 1)), np.tile(near, (100, 1))
     q = robot.ikm(x)
     calls = (
         lambda: (robot.ikm(x), robot.jacobian(x)),
@@ -231,13 +218,7 @@ def measure_core(program):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--core", help="path of benchmark_core, for the times in C++")
-    parser.add_argument("--poses", type=int, default=1000)
-    options = parser.parse_args()
-
+    options = arguments(__doc__, core="", poses=1000)
     robot = tp.load("stewart")
     rng = np.random.default_rng(1)
     x = robot.home + HALF_WIDTHS * rng.uniform(-1, 1, (options.poses, 6))

@@ -15,15 +15,15 @@ all 108, and the median (lowest to highest) of 20 plans among 81 sampled ones. P
 position in the base's frame, and for the tracker's; over the workspace, and over the log's poses.
 """
 
-import argparse
 import time
 
 import numpy as np
 from held_out import SIGMA, learn, predict, rms
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose import logs, robotfile
-from truepose.robot.workspace import workspace
+from truepose.robot.workspace import workspace_samples
 
 COUNT = 2000
 
@@ -40,17 +40,8 @@ def cases(names: list[str]) -> list[tp.Robot]:
     return found
 
 
-def promised(robot: tp.Robot, over: np.ndarray, visited: np.ndarray) -> float:
-    """Return the rms of the position, mm, predicted after a calibration."""
-    P = tp.accuracy(robot, over, calibrated_on=visited)
-    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
-    squares = np.diagonal(P, axis1=1, axis2=2)[..., linear]
-    return 1e3 * float(np.sqrt(squares.sum(axis=-1).mean()))
-
-
 def random_sets(robot: tp.Robot, count: int, sets: int) -> list[np.ndarray]:
-    box, rng = workspace(robot), np.random.default_rng(1)
-    x = rng.uniform(box.minimum, box.maximum, (2 * sets * count, robot.n))
+    x = workspace_samples(robot, 2 * sets * count, np.random.default_rng(1))
     x = x[np.isfinite(robot.ikm(x, "nan", "ideal", own_mode=True)).all(axis=1)]
     return [x[k * count : (k + 1) * count] for k in range(min(sets, len(x) // count))]
 
@@ -82,45 +73,36 @@ def logged(count: int, sets: int) -> None:
     print(f"60 random poses: {sixty:.2f} mm (median of {sets}); {count} random ones: median "
           f"{middle:.3f} of that, a tenth below {tenth:.3f}")  # fmt: skip
     among = [rng.permutation(len(q))[:81] for _ in range(20)]
-    head = ["minimised", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat"]
-    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    head("minimised", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat")
     for of_tracker in (False, True):
         for name, over in (("the workspace", None), ("the log's poses", x)):
             one = planned(np.arange(len(q)), of_tracker, over)
             many = np.array([planned(own, of_tracker, over) for own in among])
             ratio = np.quantile(many, [0.5, 0, 1]) / sixty
-            cells = ["measured pose" if of_tracker else "the position", name, f"{one / sixty:.3f}"]
-            cells += [f"{100 * (few > one).mean():.0f} %"]
-            cells += ["{:.3f} ({:.3f} to {:.3f})".format(*ratio)]
-            cells += [f"{100 * (few > many[:, None]).mean():.0f} %"]
-            print("| " + " | ".join(cells) + " |", flush=True)
+            beats = [f"{100 * (few > of).mean():.0f} %" for of in (one, many[:, None])]
+            spread = "{:.3f} ({:.3f} to {:.3f})".format(*ratio)
+            what = "measured pose" if of_tracker else "the position"
+            row(what, name, f"{one / sixty:.3f}", beats[0], spread, beats[1])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=tp.list_robots())
-    parser.add_argument("--poses", type=int, default=30)
-    parser.add_argument("--sets", type=int, default=100)
-    parser.add_argument("--logged", type=int)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, robots=tuple(tp.list_robots()), poses=30, sets=100, logged=0)
     if asked.logged:
         logged(asked.logged, asked.sets)
         return
-    head = ["robot, sensors", "before", "planned", "random", "5 to 95 %", "beats", "s", "gap"]
-    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    head("robot, sensors", "before", "planned", "random", "5 to 95 %", "beats", "s", "gap")
     for robot in cases(asked.robots):
         start = time.perf_counter()
         plan = tp.plan_poses(robot, asked.poses, candidates=COUNT)
         took = time.perf_counter() - start
         sets = random_sets(robot, asked.poses, asked.sets)
-        others = np.array([promised(robot, plan.over, x) for x in sets])
+        others = np.array([1e3 * tp.accuracy(robot, plan.over, calibrated_on=x).rms for x in sets])
         before, after = 1e3 * plan.sigma[[0, -1], -1]
         low, median, high = np.quantile(others, [0.05, 0.5, 0.95])
-        cells = [f"{robot.name}, {len(robot.sensors)}"]
-        cells += [f"{value:.3g}" for value in (before, after, median)]
-        cells += [f"{low:.3g} to {high:.3g}", f"{100 * (others > after).mean():.0f} %"]
-        cells += [f"{took:.1f}", f"{plan.gap:.1%}"]
-        print("| " + " | ".join(cells) + " |", flush=True)
+        sigmas = (f"{value:.3g}" for value in (before, after, median))
+        beats = f"{100 * (others > after).mean():.0f} %"
+        row(f"{robot.name}, {len(robot.sensors)}", *sigmas, f"{low:.3g} to {high:.3g}", beats,
+            f"{took:.1f}", f"{plan.gap:.1%}")  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -4,11 +4,8 @@ Every robot moves under joint control, is read with counts and noise, and calibr
 readings. The estimates are compared with the truth, and with the bound.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,9 +14,10 @@ from truepose.arguments import Array, Level
 from truepose.calibration import CalibrationOptions
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.options import Loss, ModelError
-from truepose.robot.frames import rotation
+from truepose.calibration.options import ModelError
 from truepose.robot.robot import Robot
+from truepose.robot.units import angles
+from truepose.simulation.chart import difference
 
 #: Largest offset of a pose, m and rad: rounding errors do not recur.
 JITTER = 5e-4
@@ -38,10 +36,10 @@ class Trials:
     held_out: Array  #: (R, H, n) of estimates at other poses
     stated: Array  #: (R, H, n) stated σ of those estimates
     touched_off: Array  #: (R, H, n) of those estimates, referenced at one known pose
-    bound: Array  #: (P, n, n) predicted covariance
-    bound_touched: Array  #: (H, n, n) predicted covariance after referencing
     xi_nees: Array  #: (R,) normalised squared error of ξ; expected mean `parameters`
     x_nees: Array  #: (R, H) of the estimates; expected mean n
+    bound: Array  #: (P, n, n) predicted covariance
+    bound_touched: Array  #: (H, n, n) predicted covariance after referencing
     parameters: int  #: p
 
     @property
@@ -52,7 +50,7 @@ class Trials:
     @property
     def linear(self) -> Array:
         """Return which coordinates are lengths, (n,)."""
-        return np.array([unit == "m" for _, unit in self.robot.coordinates])
+        return ~angles(self.robot)
 
     def squares(self, error: Array) -> Array:
         """Return the mean square position error of every robot, m², (R,)."""
@@ -74,8 +72,6 @@ def run(
     level: Level | None = None,
     true_level: Level | None = None,
     model_error: ModelError = "on",
-    loss: Loss = "squares",
-    progress: Callable[[], None] = lambda: None,
 ) -> Trials:
     """Calibrate `count` robots, each on its own readings.
 
@@ -91,8 +87,9 @@ def run(
         Number of robots and their seed; the first ones do not depend on `count`.
     level, true_level : {"ideal", "full"}, optional
         Level of calibration and true robots, default :attr:`Robot.highest_level`.
-    model_error, loss
+    model_error : {"on", "off"}, optional
         As in :func:`truepose.calibrate`.
+
     Examples
     --------
     >>> import numpy as np, truepose as tp
@@ -106,75 +103,44 @@ def run(
     """
     poses, held_out = np.asarray(poses, dtype=float), np.asarray(held_out, dtype=float)
     desired = np.vstack([poses, np.atleast_2d(reference_pose), held_out])
-    first = len(poses)
-    found: dict[str, list] = {
-        k: [] for k in ("usual", "error", "held", "stated", "touched_off", "xi", "x")
-    }
-    names: list[str] = []
-    real = robot.highest_level if true_level is None else true_level
+    first, rest = len(poses), slice(len(poses) + 1, None)
+    options = CalibrationOptions(level=level, model_error=model_error)
+    real = true_level or robot.highest_level
+    found = []
     for source in np.random.SeedSequence(seed).spawn(count):
         draw, scatter, noise = source.spawn(3)
         true = robot.sample(draw).with_level(real)
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
         at = true.fkm(robot.ikm(desired + jitter), guess=desired)
         q_e = true.read(at, int(noise.generate_state(1)[0]))
-        options = CalibrationOptions(level=level, model_error=model_error)
-        fit = calibrate(robot, q_e[:first], options=replace(options, loss=loss))
-        known = q_e[first], at[first]
-        told = calibrate(fit.robot, known_pose=known, options=options).robot
-        rest = slice(first + 1, None)
+        fit = calibrate(robot, q_e[:first], options=replace(options, loss="squares"))
+        told = calibrate(fit.robot, known_pose=(q_e[first], at[first]), options=options).robot
         later, touched = (
             known.estimate(q_e[rest], guess=desired[rest]) for known in (fit.robot, told)
         )
         apart = difference(robot, later.x, at[rest])
-        found["usual"].append(difference(robot, at, desired + jitter)[:first])
-        found["error"].append(difference(robot, fit.x, at[:first]))
-        found["touched_off"].append(difference(robot, touched.x, at[rest]))
-        found["held"].append(apart)
-        found["stated"].append(np.sqrt(np.diagonal(later.covariance, axis1=1, axis2=2)))
-        found["x"].append(_nees(apart, later.covariance))
         off = [fit.parameters[name].value - true.parameters[name].value for name in fit.names]
-        names = list(fit.names)
-        found["xi"].append(_nees(np.array(off), fit.covariance))
-        progress()
-    visited: dict[str, Any] = {
-        "calibrated_on": poses,
-        "level": level,
-        "model_error": model_error == "on",
-    }
-    return Trials(
-        robot=robot,
-        usual=np.array(found["usual"]),
-        error=np.array(found["error"]),
-        held_out=np.array(found["held"]),
-        stated=np.array(found["stated"]),
-        touched_off=np.array(found["touched_off"]),
-        bound=accuracy(robot, poses, **visited),
-        bound_touched=accuracy(robot, held_out, reference_pose=reference_pose, **visited),
-        xi_nees=np.array(found["xi"]),
-        x_nees=np.array(found["x"]),
-        parameters=len(names),
-    )
-
-
-def difference(robot: Robot, x: Array, reference: Array) -> Array:
-    """Return x − reference along the free twist; rotations as small vectors in the base frame.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from robot_trials import difference
-    >>> print(difference(tp.load("h4"), [0.1, 0, -0.4, 0.2], [0, 0, -0.4, 0.1]).round(3))
-    [0.1 0.  0.  0.1]
-    """
-    apart = np.subtract(x, reference)
-    if robot.spec.mobility == "spatial":
-        turn = rotation(np.asarray(x)[..., 3:]) @ np.swapaxes(
-            rotation(np.asarray(reference)[..., 3:]), -1, -2
+        found.append(
+            (
+                difference(robot, at, desired + jitter)[:first],
+                difference(robot, fit.x, at[:first]),
+                apart,
+                np.sqrt(np.diagonal(later.covariance, axis1=1, axis2=2)),
+                difference(robot, touched.x, at[rest]),
+                _nees(np.array(off), fit.covariance),
+                _nees(apart, later.covariance),
+            )
         )
-        skew = turn - np.swapaxes(turn, -1, -2)
-        apart[..., 3:] = 0.5 * np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], -1)
-    return apart
+    predicted = partial(
+        accuracy, robot, calibrated_on=poses, level=level, model_error=model_error == "on"
+    )
+    return Trials(
+        robot,
+        *map(np.array, zip(*found, strict=True)),
+        bound=predicted(poses),
+        bound_touched=predicted(held_out, reference_pose=reference_pose),
+        parameters=len(off),
+    )
 
 
 def _nees(error: Array, covariance: Array) -> Array:

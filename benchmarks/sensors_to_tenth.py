@@ -7,20 +7,18 @@ sensors_to_tenth.py choose                      # sets by number and by price
 sensors_to_tenth.py verify [--robots 400] [--jobs 2]
 """
 
-from __future__ import annotations
-
-import argparse
 import functools
 from concurrent.futures import ProcessPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from printing import arguments, head, row
 
 import truepose as tp
 from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
 from truepose.robot.robot import Robot
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import workspace_grid, workspace_samples
 from truepose.robotfile.schema import RobotFile
 
 #: Assumed prices, any currency: of a sensor by the beginning of its name.
@@ -97,6 +95,12 @@ def h4(finer: int = 1) -> Robot:
     return Robot(RobotFile.model_validate(data))
 
 
+def use_of(dowel: bool, **poses: np.ndarray) -> Use:
+    """Return the use of robots, which may stand on a dowel once."""
+    known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if dowel else {}
+    return Use(**poses, **known)
+
+
 def choose() -> None:
     """Print the smallest and the cheapest sets that reach the target, by counts and reference."""
     # pivot1 is theta's joint; chains 2 and 4 mirror 1 and 3.
@@ -105,7 +109,6 @@ def choose() -> None:
     names.append("wire2")
     poses = workspace_grid(h4())
     for dowel in (True, False):
-        known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if dowel else {}
         for finer, more in FINER.items():
             for what, prices in (
                 ("smallest", dict.fromkeys(names, 1.0)),
@@ -117,7 +120,7 @@ def choose() -> None:
                         h4(finer),
                         prices,
                         target=TARGET,
-                        use=Use(calibrated_on=poses, poses=poses[::4], **known),
+                        use=use_of(dowel, calibrated_on=poses, poses=poses[::4]),
                         criterion=SIGMA,
                     )
                 except tp.InputError as error:
@@ -136,9 +139,7 @@ def nominal(setup: Setup) -> Robot:
     """Return the robot of a setup, its sensors placed."""
     robot = h4(setup.finer).with_sensors(*setup.sensors)
     if setup.placed:
-        poses = workspace_grid(robot)[::25]
-        known = {"reference_pose": HOME, "reference_sigma": DOWEL_SIGMA} if setup.dowel else {}
-        use = Use(calibrated_on=poses, **known)
+        use = use_of(setup.dowel, calibrated_on=workspace_grid(robot)[::25])
         robot = tp.design.place_sensors(robot, setup.placed, use=use).robot
     return robot
 
@@ -147,14 +148,12 @@ def verify(task: tuple[Setup, int, int]) -> np.ndarray:
     """Return errors of robots, mm: (robots, poses, 3): usual, in closed loop, and with counts."""
     setup, first, last = task
     robot = nominal(setup)
-    table = workspace_grid(robot)
-    box = robot.spec.workspace
-    found = []
+    table, found = workspace_grid(robot), []
     for source in np.random.SeedSequence(5).spawn(last)[first:]:
         draw, noise = source.spawn(2)
         rng = np.random.default_rng(noise)
         true = robot.sample(draw)
-        judged = rng.uniform(box.minimum, box.maximum, (JUDGED, 4))
+        judged = workspace_samples(robot, JUDGED, rng)
         log = true.read(tp.steady_state(robot, true, table, "joint"), seed=int(rng.integers(2**31)))
         options = {}
         if setup.dowel:
@@ -171,28 +170,23 @@ def verify(task: tuple[Setup, int, int]) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("choose", "verify"))
-    parser.add_argument("--robots", type=int, default=400)
-    parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args()
+    given = arguments(__doc__, "choose", "verify", robots=400, jobs=2)
     if given.what == "choose":
         choose()
         return
     step = 20
     starts = range(0, given.robots, step)
     tasks = [(s, k, min(k + step, given.robots)) for s in VERIFIED for k in starts]
-    print("| sensors | price | usual | rms | 95 % | rms with counts | 95 % with counts | gain |")
-    print("|---|" + "---:|" * 7)
+    head("sensors", "price", "usual", "rms", "95 %", "rms with counts", "95 % with counts", "gain")
     with ProcessPoolExecutor(given.jobs) as pool:
         answers = pool.map(verify, tasks)
         for setup in VERIFIED:
             error = np.concatenate([next(answers) for _ in starts])
             rms = np.sqrt((error**2).mean(axis=(0, 1)))
             most = np.percentile(error, 95, axis=(0, 1))
-            cells = [setup.label, f"{setup.price:.0f}", f"{rms[0]:.2f}"]
-            cells += [f"{value:.3f}" for value in (rms[1], most[1], rms[2], most[2])]
-            print(f"| {' | '.join(cells)} | {rms[0] / rms[2]:.0f} |", flush=True)
+            found = (f"{value:.3f}" for value in (rms[1], most[1], rms[2], most[2]))
+            gain = f"{rms[0] / rms[2]:.0f}"
+            row(setup.label, f"{setup.price:.0f}", f"{rms[0]:.2f}", *found, gain)
 
 
 if __name__ == "__main__":

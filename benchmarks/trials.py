@@ -6,14 +6,14 @@ calibration that assumes this; and both with the ideal level and its model error
 trials.py [--robots 400] [--jobs 2]     # ten minutes on two cores
 """
 
-import argparse
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import robot_trials as trials
+from printing import arguments, head, row
 
 import truepose as tp
-from truepose.robot.workspace import workspace_grid
+from truepose.robot.workspace import workspace_grid, workspace_samples
 
 SETS = {
     "θ": ["theta"],
@@ -71,33 +71,29 @@ def one(task: tuple[str, str, int, int]) -> trials.Trials:
     """Run the trials of one kind of robot with one sensor set."""
     kind, sensors, poses, robots = task
     h4, rng = tp.load("h4"), np.random.default_rng(5)
-    table, box = workspace_grid(h4), h4.spec.workspace
-    others = rng.uniform(box.minimum, box.maximum, (200, 4))
+    table, others = workspace_grid(h4), workspace_samples(h4, 200, rng)
     visited = table if poses == len(table) else table[rng.permutation(len(table))[:poses]]
     robot = h4.with_sensors(*SETS[sensors])
     return trials.run(robot, visited, TOUCH_OFF, others, robots, **KINDS[kind])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=400)
-    parser.add_argument("--jobs", type=int, default=2)
-    given = parser.parse_args()
+    given = arguments(__doc__, robots=400, jobs=2)
     tasks = [(kind, name, POSES[-1], given.robots) for kind in KINDS for name in SETS]
     tasks += [("real", name, poses, given.robots) for poses in POSES[:-1] for name in SETS]
     with ProcessPoolExecutor(given.jobs) as pool:
         ran = dict(zip((task[:3] for task in tasks), pool.map(one, tasks), strict=True))
     whole = {(kind, name): cells(ran[kind, name, POSES[-1]]) for kind in KINDS for name in SETS}
     for header, part in ((ABSOLUTE, slice(0, 7)), (REFERENCED, slice(7, None))):
-        print("| | " + " | ".join(header) + " |\n" + "|---" * (len(header) + 1) + "|")
+        head("", *header)
         for (kind, name), values in whole.items():
-            print(f"| {kind}: {name} | " + " | ".join(values[part]) + " |")
+            row(f"{kind}: {name}", *values[part])
         print()
-    print("| 95 % intervals hold | " + " | ".join(COVERED) + " |\n" + "|---" * 4 + "|")
+    head("95 % intervals hold", *COVERED)
     for name in SETS:
         held = [ran["real", name, poses].coverage for poses in POSES]
         shown = (" ".join(f"{100 * v:.0f}" for v in coverage) + " %" for coverage in held)
-        print(f"| real: {name} | " + " | ".join(shown) + " |")
+        row(f"real: {name}", *shown)
 
 
 if __name__ == "__main__":

@@ -87,19 +87,14 @@ class LoopExtras {
   std::vector<double> work_;
 };
 
-using OwnTorque = std::optional<nb::callable>;
+using OwnError = std::optional<nb::callable>;
 
-/// A Python callable (time, x, rate, acceleration, q_e, torque) -> torques as the loop's law.
-OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
-  if (!torque_of) return {};
-  return [&](double time, const Setpoint& setpoint, const Extended& q_e, Joint& torque) -> Outcome {
+/// A Python callable (x_d, q_e) -> motor error as the loop's law.
+OwnLaw own_law(const OwnError& error_of) {
+  if (!error_of) return {};
+  return [&](const Coordinates& x_d, const Extended& q_e) {
     const nb::gil_scoped_acquire acquire;
-    const auto asked = nb::cast<Joint>(
-        (*torque_of)(time, setpoint.x, setpoint.rate, setpoint.acceleration, q_e, torque));
-    const int n = dof(robot.mobility);
-    if (!all_finite(asked, n)) return {Status::not_finite, -1};
-    for (int i = 0; i < n; ++i) torque[i] = limited(robot.chain[i], asked[i]);
-    return {};
+    return nb::cast<Joint>((*error_of)(x_d, q_e));
   };
 }
 
@@ -115,20 +110,51 @@ nb::object column(const std::vector<Sample>& log, Field Sample::* field, std::si
   return values.release();
 }
 
-/// One run from rest: `run` is called with the loop and the receiver of its samples.
-template <class Run>
-auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& start,
-            std::uint64_t seed, std::size_t periods, Run&& run) {
+/// A setpoint between two of a path that is followed more slowly, by quintic Hermite polynomials.
+/// @param u  0 to 1 of the period T
+Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, double u, double T) {
+  const Pose start = to_pose(mobility, a.x);
+  const Coordinates whole = difference(mobility, to_pose(mobility, b.x), start);
+  Coordinates step{};
+  Setpoint found;
+  for (int i = 0; i < dof(mobility); ++i) {
+    const double v = T * a.rate[i], c = T * T * a.acceleration[i];
+    const double off = whole[i] - v - c / 2, faster = T * b.rate[i] - v - c;
+    const double harder = T * T * b.acceleration[i] - c;
+    const double c3 = 10 * off - 4 * faster + harder / 2, c4 = 7 * faster - 15 * off - harder;
+    const double c5 = 6 * off - 3 * faster + harder / 2;
+    step[i] = u * (v + u * (c / 2 + u * (c3 + u * (c4 + u * c5))));
+    found.rate[i] = (v + u * (c + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))) / T;
+    found.acceleration[i] = (c + u * (6 * c3 + u * (12 * c4 + u * 20 * c5))) / (T * T);
+  }
+  found.x = to_coordinates(mobility, moved(mobility, start, step));
+  return found;
+}
+
+/// One run from rest along any path: a row of each (N, n) array per period, interpolated where the
+/// robot slows down.
+auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acceleration, int steps,
+              const Coordinates& start, std::uint64_t seed, const OwnError& error_of) {
+  const std::size_t periods = x.shape(0) - 1;
+  const auto at = [&](std::size_t k) {
+    return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
+                    row<Coordinates>(acceleration, k)};
+  };
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
     LoopExtras with(of, seed);
-    with.extras.law = own_law(of.nominal, torque_of);
-    log.reserve(periods + 1);
+    with.extras.law = own_law(error_of);
+    const auto path = [&](double k) {
+      const auto before = std::min(static_cast<std::size_t>(k), periods);
+      const double part = k - static_cast<double>(before);
+      if (part == 0 || before == periods) return at(before);
+      return between(of.nominal.mobility, at(before), at(before + 1), part, of.settings.period);
+    };
     Loop loop(of.nominal, of.truth, of.settings, start, seed, with.extras);
-    outcome = run(loop, [&](const Sample& sample) {
+    outcome = loop.follow(static_cast<int>(periods), steps, path, [&](const Sample& sample) {
       log.push_back(sample);
       signals();
     });
@@ -146,34 +172,6 @@ auto logged(const Setup& of, const OwnTorque& torque_of, const Coordinates& star
                         column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused),
                         column<bool>(log, &Sample::warm), column<int>(log, &Sample::safety),
                         column<int>(log, &Sample::cause), column<int>(log, &Sample::part));
-}
-
-auto run_simulation(const Setup& of, const Coordinates& from, const Coordinates& to,
-                    double duration, double hold, int steps, const Coordinates& start,
-                    std::uint64_t seed, const OwnTorque& torque_of) {
-  const auto periods = static_cast<std::size_t>((duration + hold) / of.settings.period) + 1;
-  return logged(of, torque_of, start, seed, periods, [&](auto& loop, auto&& write) {
-    return loop.move({from, to, duration, hold, steps}, write);
-  });
-}
-
-/// Along any path: a row of each (N, n) array per period, interpolated where the robot slows down.
-auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acceleration, int steps,
-              const Coordinates& start, std::uint64_t seed, const OwnTorque& torque_of) {
-  const std::size_t periods = x.shape(0) - 1;
-  const auto at = [&](std::size_t k) {
-    return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
-                    row<Coordinates>(acceleration, k)};
-  };
-  const auto path = [&](double k) {
-    const auto before = std::min(static_cast<std::size_t>(k), periods);
-    const double part = k - static_cast<double>(before);
-    if (part == 0 || before == periods) return at(before);
-    return between(of.nominal.mobility, at(before), at(before + 1), part);
-  };
-  return logged(of, torque_of, start, seed, periods, [&](auto& loop, auto&& write) {
-    return loop.follow(static_cast<int>(periods), steps, path, write);
-  });
 }
 
 /// Summary of a visit to one pose.
@@ -318,10 +316,8 @@ void bind_simulation(nb::module_& m) {
            "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a, "safety"_a.none() = nb::none(),
            nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>(),
            nb::keep_alive<1, 12>())
-      .def("simulate", &run_simulation, "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
-           "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none())
       .def("follow", &run_path, "x"_a, "rate"_a, "acceleration"_a, "steps"_a, "at_rest"_a, "seed"_a,
-           "torque_of"_a.none() = nb::none())
+           "error_of"_a.none() = nb::none())
       .def("visit", &run_visit, "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
 }

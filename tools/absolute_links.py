@@ -3,8 +3,6 @@
 python tools/absolute_links.py README.md https://host/owner/truepose v0.1.0
 """
 
-from __future__ import annotations
-
 import re
 import sys
 from pathlib import Path

@@ -5,8 +5,6 @@ in the order of the import contract in pyproject.toml: an import of a higher roo
 diagonal, in red.
 """
 
-from __future__ import annotations
-
 import sys
 import tomllib
 from collections import Counter

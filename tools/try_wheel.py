@@ -6,8 +6,6 @@ Finds the wheel's Python versions on the path and among pyenv's. Each gets a new
 the wheel and a copy of some of the tests; missing versions are reported.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -58,16 +56,14 @@ def works(python: str, wheel: Path) -> bool:
 def main() -> int:
     """Test the wheel, and print the result for each version."""
     wheel = Path(sys.argv[1]).resolve()
-    said = {}
-    for version in VERSIONS:
-        python = find(version)
-        print(f"== Python {version}: {python or 'not found'}", flush=True)
-        said[version] = "not found, not run" if python is None else works(python, wheel)
+    said = {
+        version: works(python, wheel) if (python := find(version)) else None for version in VERSIONS
+    }
     print(f"\n{wheel.name}")
+    words = {True: "works", False: "FAILED", None: "not found, not run"}
     for version, result in said.items():
-        print(f"  Python {version}: {({True: 'works', False: 'FAILED'}).get(result, result)}")
-    tried = [result for result in said.values() if isinstance(result, bool)]
-    return 0 if tried and all(tried) else 1
+        print(f"  Python {version}: {words[result]}")
+    return int(False in said.values() or True not in said.values())
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ prints the table of docs/architecture.md with what each room weighs. A token is 
 an operator; a string is one, and one more for every four words in it.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Rows of the table of reference results: what a source prints, and what truepose computes."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

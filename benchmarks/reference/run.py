@@ -4,9 +4,7 @@ Every folder beside this file has a `check.py` whose `rows()` compares printed f
 truepose's. The exit status is 1 if a verdict failed.
 """
 
-from __future__ import annotations
-
-import importlib.util
+import runpy
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,12 +26,9 @@ def folders() -> list[str]:
 def check(folder: str) -> list[Row]:
     """Return the rows of one reference."""
     path = HERE / folder / "check.py"
-    spec = importlib.util.spec_from_file_location(f"reference_{folder}", path)
-    if spec is None or spec.loader is None or not path.is_file():
+    if not path.is_file():
         raise SystemExit(f"{folder}: no such reference; there are {', '.join(folders())}")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.rows()
+    return runpy.run_path(str(path))["rows"]()
 
 
 def main(names: Sequence[str] = ()) -> int:

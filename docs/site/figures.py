@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import truepose as tp
@@ -199,15 +201,22 @@ def chain() -> Figure:
 DRAWN_BY = (chain, five_bar, rest, over_table_2)
 
 
-def rounded(record: dict) -> dict:
-    """Round a point's numbers."""
-    return {k: float(f"{v:.7g}") if isinstance(v, float) else v for k, v in record.items()}
+def points(figure: Figure) -> Iterator[dict]:
+    """Yield a record of each point of a figure's lines, but for those across a panel."""
+    names: dict[str, str] = {}  # of series by colour, which names those without a label
+    for panel, axes in enumerate(figure.axes, 1):
+        name_y = axes.get_ylabel() or figure.axes[0].get_ylabel()
+        for line in (line for line in axes.lines if line.get_transform() == axes.transData):
+            label, colour = str(line.get_label()), to_hex(line.get_color())
+            series = names.setdefault(colour, colour if label.startswith("_child") else label)
+            place = {"panel": panel, "title": "", "kind": "line", "series": series}
+            for x, y in line.get_xydata():
+                shown = {axes.get_xlabel(): float(f"{x:.7g}"), name_y: float(f"{y:.7g}")}
+                yield place | shown
 
 
 def main() -> None:
     """Draw them all, with their points as CSV; the same files each time."""
-    from truepose_paper.plotted import plotted  # of packages/paper
-
     mpl.rcParams["svg.hashsalt"] = "truepose"
     PICTURES.mkdir(exist_ok=True)
     for draw in DRAWN_BY:
@@ -215,8 +224,7 @@ def main() -> None:
         figure = draw()
         figure.savefig(file, metadata={"Date": None})
         if draw not in (chain, five_bar):  # drawings
-            data = [rounded(record) for record in plotted(figure)]
-            file.with_suffix(".csv").write_text(as_csv(data), encoding="utf-8")
+            file.with_suffix(".csv").write_text(as_csv(points(figure)), encoding="utf-8")
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 
 

@@ -70,7 +70,6 @@ def _titles(name: str) -> tuple[str, str]:
         "Bar": "`[[bar]]`",
         "Workspace": "`[workspace]`, `[fkm_region]`",
         "Tolerance": "`[tolerances]`: of each parameter",
-        "PriceStep": "`price_steps`: of 0.5, not used",
         "Prices": "`[prices]`",
     }
     return places.get(name, f"`[{name.lower()}]`"), name.lower()

@@ -133,3 +133,19 @@ def selected(what: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[
             raise InputError(choose(what, pattern, names) + ", or a glob of them, none, all")
         chosen += fits if pattern in names else [name for name in fits if name not in chosen]
     return tuple(chosen)
+
+
+def numbers_like(
+    name: str, value: ArrayLike, shape: tuple[int, ...], must: str = "a finite number"
+) -> Array:
+    """Return numbers of a shape, from one or so many; `must`: 0 or greater, or greater than 0."""
+    try:
+        result = np.broadcast_to(np.asarray(value, dtype=float), shape)
+    except (TypeError, ValueError):
+        wanted = " × ".join(map(str, shape))
+        raise InputError(f"{name}: must be a number or {wanted} of them") from None
+    least = 0.0 if must == "0 or greater" else -math.inf
+    good = np.isfinite(result) & (result > 0 if must == "greater than 0" else result >= least)
+    if not good.all():
+        raise InputError(f"{name} = {result[~good][0]:g}: must be {must}")
+    return result

@@ -5,11 +5,8 @@ from __future__ import annotations
 import functools
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields, replace
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 from truepose.exceptions import InputError
@@ -35,6 +32,7 @@ STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
     "truepose.deploy.json_export": "truepose_printers.robot_json",
+    "truepose.faults.parity": "truepose.calibration.parity",
     "truepose.integrations.importers": "truepose_mujoco.importers",
     "truepose.integrations.klipper": "truepose_printers",
     "truepose.integrations.linuxcnc": "truepose_linuxcnc",
@@ -68,8 +66,10 @@ def answer(name: str, package: str) -> Callable[[], None]:
     return command
 
 
-def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Accept arguments of 0.5 that are fields of the function's `options` now, with a warning.
+def grouped(
+    group: type, argument: str = "options", /, **gone: str
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Accept arguments of 0.5 that are fields of an argument's group now, with a warning.
 
     `gone` has the new place of each other argument of 0.5; these raise InputError.
     """
@@ -81,9 +81,9 @@ def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, 
             for name in gone.keys() & given.keys():
                 raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
             if older := {name: given.pop(name) for name in sorted(names & given.keys())}:
-                said = f"{', '.join(older)}: since 0.6 in options={group.__name__}(…)"
+                said = f"{', '.join(older)}: since 0.6 in {argument}={group.__name__}(…)"
                 warnings.warn(said, DeprecationWarning, stacklevel=2)
-                given["options"] = replace(given.get("options", group()), **older)
+                given[argument] = replace(given.get(argument, group()), **older)
             return function(*args, **given)
 
         return call
@@ -91,17 +91,14 @@ def grouped(group: type, **gone: str) -> Callable[[Callable[P, T]], Callable[P, 
     return decorate
 
 
-class _Moved(MetaPathFinder):
+class _Moved:
     """Answers imports that no other finder has answered."""
 
-    def find_spec(
-        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if name in MODULES:
-            new = MODULES[name]
+    @staticmethod
+    def find_spec(name: str, *_: object) -> None:
+        if new := MODULES.get(name):
             package = new.partition(".")[0].replace("_", "-")
             raise ModuleNotFoundError(f"{name} is {new} now, in the package {package}", name=name)
-        return None
 
 
 def answer_imports() -> None:

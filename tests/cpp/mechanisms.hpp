@@ -214,6 +214,17 @@ inline Mechanism planar(const char* name, Actuator actuator) {
   return mechanism;
 }
 
+/// A 3-RPR of similar triangles: wherever θ is 0 its legs meet in one point, a singularity of
+/// type 2.
+inline Robot meeting_legs() {
+  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
+  for (int i = 0; i < 3; ++i) {
+    robot.chain[i].base = polar(0.4, 90 + 120 * i);
+    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
+  }
+  return robot;
+}
+
 inline Mechanism delta() {
   Mechanism mechanism{"Delta", {}, {0.12, 0.12, 0.08}};
   Robot& robot = mechanism.robot;
@@ -365,6 +376,28 @@ void for_each(F&& f) {
   template <Mobility K, int n>                                         \
   static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism)
 
+/// Calls f(mechanism, mobility, model) for each at its levels.
+template <class F>
+void for_each_model(F&& f) {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    f(mechanism, mobility, IdealModel{});
+    if constexpr (kPaired<mobility()>)
+      if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, mobility, FullModel{});
+  });
+}
+
+/// A statement about each robot at its levels. Its body has K, n, Model and the mechanism.
+#define TEST_MODELS(statement)                                                 \
+  template <Mobility K, class Model, int n = kDof<K>>                          \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism);         \
+  TEST(statement) {                                                            \
+    for_each_model([](const Mechanism& mechanism, auto mobility, auto model) { \
+      CHECK_JOIN(each_, __LINE__)<mobility(), decltype(model)>(mechanism);     \
+    });                                                                        \
+  }                                                                            \
+  template <Mobility K, class Model, int n>                                    \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism)
+
 /// A random pose of the box, shrunk by `part`.
 inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
   Coordinates x = mechanism.robot.home;
@@ -379,6 +412,18 @@ Pose nearby(const Pose& pose, check::Random& random, double size) {
   Coordinates step{};
   for (int i = 0; i < kDof<K>; ++i) step[i] = random() < 0 ? -size : size;
   return moved<K>(pose, step);
+}
+
+/// What a robot reads at a pose.
+template <Mobility K>
+Extended readings_at(const Robot& robot, const Pose& pose) {
+  Extended q_e{};
+  CHECK(extended<K>(robot, pose, q_e));
+  return q_e;
+}
+template <Mobility K>
+Extended readings_at(const Robot& robot, const Coordinates& x) {
+  return readings_at<K>(robot, to_pose<K>(x));
 }
 
 inline Joint random_joint(check::Random& random, double size) {

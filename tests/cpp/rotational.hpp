@@ -151,4 +151,14 @@ void for_each_pivot(F&& f) {
   }
 }
 
+template <class F>
+void for_every(F&& f) {
+  for_each(f);
+  for_each_pivot(f);
+}
+
+/// The part of its box that a robot reaches: corners of an ankle's are beyond its cranks.
+template <Mobility K>
+inline constexpr double kReach = kRotational<K> ? 0.6 : 1;
+
 }  // namespace pivots_tested

@@ -1,42 +1,16 @@
 // The C interface, and the C++ one over it, answer as the core does and refuse what is no robot.
 #include <cstring>
 
-#include "../../src/c/controllers.hpp"
+#include "in_c.hpp"
 #include "rotational.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
-#include "truepose/truepose.hpp"
 
 using namespace pivots_tested;
 
 namespace {
 
 constexpr int kCap = 12;
-
-/// A mechanism as a C program has it.
-struct InC {
-  explicit InC(const truepose_description& description) : table(description) {
-    outcome = truepose_load(&model, sizeof model, &table);
-  }
-  explicit InC(const Robot& robot) : InC(described(robot)) {}
-  static truepose_description described(const Robot& robot) {
-    truepose_description table;
-    c::describe(robot, table);
-    return table;
-  }
-  truepose_description table;
-  truepose_model model;
-  truepose_outcome outcome;
-};
-
-bool same(truepose_outcome a, Outcome b) {
-  return a.status == static_cast<int>(b.status) && a.part == b.chain;
-}
-
-template <class Values>
-bool same(const truepose_real* a, const Values& b) {
-  return std::equal(b.begin(), b.end(), a);
-}
 
 /// f(robot) at the ideal level, and at the full one where there is one.
 template <class F>
@@ -48,57 +22,50 @@ void at_each_level(const Robot& robot, F&& f) {
   f(by_rods);
 }
 
-template <class Settings>
-truepose_control_settings in_c(const Settings& settings) {
-  truepose_control_settings result;
-  c::describe(settings, result);
-  return result;
-}
-
 }  // namespace
 
 TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both levels") {
   check::Random random(1);
   at_each_level(mechanism.robot, [&](const Robot& robot) {
-    const InC in_c(robot);
-    CHECK(same(in_c.outcome, {}));
-    CHECK(truepose_freedoms(&in_c.model) == robot.motors);
-    CHECK(truepose_sensors(&in_c.model) == robot.r);
+    const ModelInC model(robot);
+    CHECK(same(model.outcome, {}));
+    CHECK(truepose_freedoms(model) == robot.motors);
+    CHECK(truepose_sensors(model) == robot.r);
     const bool full = robot.rod_by_rod();
     for (int k = 0; k < 20; ++k) {
       const Coordinates x = random_pose(mechanism, random);
       Joint q{};
       truepose_real q_c[6] = {}, x_c[6] = {}, q_e[16] = {};
-      CHECK(same(truepose_ikm(&in_c.model, x.data(), q_c),
+      CHECK(same(truepose_ikm(model, x.data(), q_c),
                  full ? command_full(robot, x, q) : command(robot, x, q)));
       CHECK(same(q_c, q));
       Coordinates found = robot.home;
       std::copy_n(robot.home.begin(), 6, x_c);
-      const truepose_fkm_result result = truepose_fkm(&in_c.model, q_c, kCap, x_c);
+      const truepose_fkm_result result = truepose_fkm(model, q_c, kCap, x_c);
       CHECK(result.outcome.status == TRUEPOSE_OK);
       CHECK(bool(full ? fkm_full(robot, q, found).status == Status::ok
                       : fkm(robot, q, found).status == Status::ok));
       CHECK(same(x_c, found));
       Reading r{};
-      CHECK(same(truepose_readings(&in_c.model, x.data(), q_e),
+      CHECK(same(truepose_readings(model, x.data(), q_e),
                  full ? rkm_full(robot, x, r) : rkm(robot, x, r)));
       for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_e[i], q[i], 1e-12);
       for (int i = 0; i < robot.r; ++i) CHECK(q_e[robot.motors + i] == r[i]);
       JointMatrix J{};
       truepose_real J_c[36] = {};
-      CHECK(same(truepose_jacobian(&in_c.model, x.data(), J_c),
+      CHECK(same(truepose_jacobian(model, x.data(), J_c),
                  full ? jacobian_full(robot, x, J) : jacobian(robot, x, J)));
       CHECK(std::memcmp(J_c, &J, sizeof J) == 0);
       double parallel = 0;
       Joint serial{};
       truepose_real parallel_c = 0, serial_c[6] = {};
-      CHECK(same(truepose_conditioning(&in_c.model, x.data(), &parallel_c, serial_c),
+      CHECK(same(truepose_conditioning(model, x.data(), &parallel_c, serial_c),
                  conditioning(robot, x, parallel, serial)));
       CHECK(parallel_c == parallel && same(serial_c, serial));
       ExtendedColumns M{};
       ExtendedRows M_plus{};
       truepose_real tej_c[6 * 16] = {};
-      CHECK(same(truepose_tej(&in_c.model, x.data(), 0, tej_c), tej(robot, x, M, M_plus)));
+      CHECK(same(truepose_tej(model, x.data(), 0, tej_c), tej(robot, x, M, M_plus)));
       for (int i = 0; i < robot.motors; ++i)
         CHECK(
             std::equal(tej_c + 16 * i, tej_c + 16 * i + robot.motors + robot.r, M_plus[i].begin()));
@@ -108,35 +75,35 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
 
 TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
   check::Random random(2);
-  const InC in_c(mechanism.robot);
+  const ModelInC model(mechanism.robot);
   for (int k = 0; k < 20; ++k) {
     const Coordinates x = random_pose(mechanism, random);
     truepose_pose pose, found;
     truepose_real back[6], q[6], q_pose[6];
     std::copy_n(x.begin(), 6, back);
-    CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
-    CHECK(same(truepose_coordinates_of(&in_c.model, &pose, back), {}));
+    CHECK(same(truepose_pose_of(model, x.data(), &pose), {}));
+    CHECK(same(truepose_coordinates_of(model, &pose, back), {}));
     for (int i = 0; i < 6; ++i) CHECK_NEAR(back[i], x[i], 1e-14);
-    CHECK(same(truepose_ikm(&in_c.model, x.data(), q), {}));
+    CHECK(same(truepose_ikm(model, x.data(), q), {}));
     Real least = 0, parallel = 0;
     Joint serial{};
-    CHECK(same(truepose_ikm_pose(&in_c.model, &pose, q_pose, &least), {}));
+    CHECK(same(truepose_ikm_pose(model, &pose, q_pose, &least), {}));
     for (int i = 0; i < 6; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
-    CHECK(bool(conditioning(mechanism.robot, x, parallel, serial)));
+    CHECK(conditioning(mechanism.robot, x, parallel, serial));
     for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
     CHECK_NEAR(least, parallel, 1e-10);
-    truepose_pose_of(&in_c.model, mechanism.robot.home.data(), &found);
-    CHECK(truepose_fkm_pose(&in_c.model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
+    truepose_pose_of(model, mechanism.robot.home.data(), &found);
+    CHECK(truepose_fkm_pose(model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
     for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
   }
   truepose_pose flat = {{0, 0, -0.4}, {1, 0, 0, 0, 1, 0, 0, 0, 1.1}};
   truepose_real x[6] = {};
-  CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(truepose_coordinates_of(model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
   flat.rotation[8] = NAN;
-  CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NOT_FINITE);
+  CHECK(truepose_coordinates_of(model, &flat, x).status == TRUEPOSE_NOT_FINITE);
   if (mechanism.robot.mobility == Mobility::spatial) return;
   const truepose_pose tilted = {{0, 0, -0.4}, {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}};
-  CHECK(truepose_coordinates_of(&in_c.model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(truepose_coordinates_of(model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
 }
 
 TEST_EACH(for_each_pivot,
@@ -148,41 +115,41 @@ TEST_EACH(for_each_pivot,
   robot.sensor[0].kind = SensorKind::axis_angle;
   robot.sensor[0].axis = n - 1;
   CHECK(finish(robot));
-  const InC in_c(robot);
-  CHECK(same(in_c.outcome, {}));
+  const ModelInC model(robot);
+  CHECK(same(model.outcome, {}));
   truepose_description again;
-  CHECK(same(truepose_description_of(&in_c.model, &again), {}));
-  CHECK(std::memcmp(&again, &in_c.table, sizeof again) == 0);
+  CHECK(same(truepose_description_of(model, &again), {}));
+  CHECK(std::memcmp(&again, &model.table, sizeof again) == 0);
   check::Random random(9);
   for (int k = 0; k < 20; ++k) {
     const Coordinates x = random_pose(mechanism, random, 0.6);
     Joint q{};
     truepose_real q_c[6], x_c[6] = {}, J[36], torque[6] = {}, joint[6], back[6], read[16];
-    CHECK(ikm(robot, x, q) && same(truepose_ikm(&in_c.model, x.data(), q_c), {}));
+    CHECK(ikm(robot, x, q) && same(truepose_ikm(model, x.data(), q_c), {}));
     CHECK(same(q_c, q));
-    CHECK(same(truepose_fkm(&in_c.model, q_c, kCap, x_c).outcome, {}));
+    CHECK(same(truepose_fkm(model, q_c, kCap, x_c).outcome, {}));
     for (int j = 0; j < n; ++j) CHECK_NEAR(x_c[j], x[j], 1e-12);
-    CHECK(same(truepose_readings(&in_c.model, x.data(), read), {}));
+    CHECK(same(truepose_readings(model, x.data(), read), {}));
     CHECK_NEAR(read[n], x[n - 1], 0);
     truepose_pose pose;
-    CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
+    CHECK(same(truepose_pose_of(model, x.data(), &pose), {}));
     const Pose there = placed<K>(robot, to_pose<K>(x));
     for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
     truepose_real found[6] = {};
-    CHECK(same(truepose_coordinates_of(&in_c.model, &pose, found), {}));
+    CHECK(same(truepose_coordinates_of(model, &pose, found), {}));
     for (int j = 0; j < n; ++j) CHECK_NEAR(found[j], x[j], 1e-12);
     pose.position[1] += 0.01;  // its axes cannot carry it there
-    CHECK(truepose_coordinates_of(&in_c.model, &pose, found).status == TRUEPOSE_NO_SUCH_VALUE);
+    CHECK(truepose_coordinates_of(model, &pose, found).status == TRUEPOSE_NO_SUCH_VALUE);
     truepose_real W[18];
     GyroRows rows{};
-    CHECK(gyro(robot, x, rows) && same(truepose_gyro(&in_c.model, x.data(), W), {}));
+    CHECK(gyro(robot, x, rows) && same(truepose_gyro(model, x.data(), W), {}));
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < n; ++j) CHECK_NEAR(W[6 * i + j], rows[i][j], 0);
-    CHECK(same(truepose_jacobian(&in_c.model, x.data(), J), {}));
+    CHECK(same(truepose_jacobian(model, x.data(), J), {}));
     double at_motors = 0, at_joints = 0;
     for (int i = 0; i < n; ++i) torque[i] = random();
-    CHECK(same(truepose_joint_torque(&in_c.model, x.data(), torque, joint), {}));
-    CHECK(same(truepose_motor_torque(&in_c.model, x.data(), joint, back), {}));
+    CHECK(same(truepose_joint_torque(model, x.data(), torque, joint), {}));
+    CHECK(same(truepose_motor_torque(model, x.data(), joint, back), {}));
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(back[i], torque[i], 1e-14);
       at_motors += torque[i] * 0.5 * (i + 1);
@@ -190,16 +157,16 @@ TEST_EACH(for_each_pivot,
     }
     CHECK_NEAR(at_motors, at_joints, 1e-14);
   }
-  truepose_description table = in_c.table;
+  truepose_description table = model.table;
   table.axis[0].direction[0] += 0.1;
-  const truepose_outcome bent = InC(table).outcome;
+  const truepose_outcome bent = ModelInC(table).outcome;
   CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == 26);
-  table = in_c.table;
+  table = model.table;
   table.sensor[0].axis = n;
-  CHECK(same(InC(table).outcome, {Status::no_such_part, 6}));
-  table = in_c.table;
+  CHECK(same(ModelInC(table).outcome, {Status::no_such_part, 6}));
+  table = model.table;
   table.axis[n - 1].low = NAN;
-  CHECK(InC(table).outcome.status == TRUEPOSE_NOT_FINITE);
+  CHECK(ModelInC(table).outcome.status == TRUEPOSE_NOT_FINITE);
 }
 
 TEST("roll, pitch and yaw lead to a rotation and back, also upright and over turns") {
@@ -224,85 +191,72 @@ TEST("roll, pitch and yaw lead to a rotation and back, also upright and over tur
 TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's") {
   check::Random random(4);
   const Robot& robot = mechanism.robot;
-  const InC in_c_model(robot);
-  Prior prior(robot);
-  std::vector<std::int32_t> column(prior.known().column,
-                                   prior.known().column + prior.known().count);
-  truepose_knowledge known{prior.known().count, 0, column.data(), prior.known().root, {}};
-  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-  std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
-  CHECK(work.size() == static_cast<std::size_t>(estimate_work(robot, known.count)));
+  const ModelInC model(robot);
+  KnownInC known(robot);
+  CHECK(known.work.size() == truepose_work(model, known.of.count));
   for (const Law law : kLaws) {
     ControlSettings settings;
     settings.law = law;
     settings.sigma_scale = 3;
-    CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
-    truepose_control_settings table = in_c(settings);
-    CHECK(same(truepose_place_poles(&in_c_model.model, robot.home.data(), 100, 1, &table), {}));
+    CHECK(place_poles(robot, robot.home, 100, 1, settings));
+    auto table = in_c<truepose_control_settings>(settings);
+    CHECK(same(truepose_place_poles(model, robot.home.data(), 100, 1, &table), {}));
     CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
-    truepose_controller controller;
-    CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
-    truepose_controller alone;  // of drives that close their own loops
-    CHECK(same(truepose_controller_init(&alone, sizeof alone, &table), {}));
+    truepose_controller controller = controller_in_c(table);
+    truepose_controller alone = controller_in_c(table);  // of drives that close their own loops
     ControlState state;
     CachedGain kept, kept_alone;
-    Weighing keeps = prior.weighing(), keeps_alone = keeps;
+    Weighing keeps = known.prior.weighing(), keeps_alone = keeps;
     keeps.kept = &kept;
     keeps_alone.kept = &kept_alone;
     for (int k = 0; k < 5; ++k) {
       Setpoint setpoint;
       setpoint.x = random_pose(mechanism, random, 0.3);
-      truepose_setpoint setpoint_c{};
-      std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
-      Extended q_e{};
-      CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
+      const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
+      Extended q_e = readings_at<K>(robot, setpoint.x);
       for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
       Joint e{};
       truepose_real e_c[6] = {}, torque[6] = {};
-      CHECK(same(truepose_motor_error(&in_c_model.model, static_cast<int>(law), 0,
-                                      setpoint.x.data(), q_e.data(), &known, work.data(), e_c),
-                 motor_error(robot, law, setpoint.x, q_e, e, 0, prior.weighing())));
+      CHECK(same(truepose_motor_error(model, static_cast<int>(law), 0, setpoint.x.data(),
+                                      q_e.data(), known, known.work.data(), e_c),
+                 motor_error(robot, law, setpoint.x, q_e, e, 0, known.prior.weighing())));
       CHECK(same(e_c, e));
-      CHECK(same(truepose_controller_error(&in_c_model.model, &alone, setpoint.x.data(), q_e.data(),
-                                           &known, work.data(), e_c),
+      CHECK(same(truepose_controller_error(model, &alone, setpoint.x.data(), q_e.data(), known,
+                                           known.work.data(), e_c),
                  motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing)));
       CHECK(same(e_c, e));
-      CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
-                                  work.data(), torque),
+      CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
+                                  known.work.data(), torque),
                  control(robot, settings, setpoint, q_e, state, keeps)));
       CHECK(same(torque, state.torque));
       Pose pose = to_pose<K>(robot.home);
-      const auto estimated = estimate<K>(robot, prior.known(), q_e, pose, work.data());
+      const auto estimated = estimate<K>(robot, known.of, q_e, pose, known.work.data());
       truepose_real x_c[6];
       std::copy_n(robot.home.begin(), 6, x_c);
       const truepose_estimate_result result =
-          truepose_estimate(&in_c_model.model, &known, q_e.data(), work.data(), x_c);
+          truepose_estimate(model, known, q_e.data(), known.work.data(), x_c);
       CHECK(same(result.outcome, estimated.outcome));
       CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
     }
   }
   truepose_real e[6];
   const truepose_real q_e[16] = {};
-  CHECK(truepose_motor_error(&in_c_model.model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e,
-                             nullptr, nullptr, e)
+  CHECK(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e, nullptr,
+                             nullptr, e)
             .status == TRUEPOSE_NOT_MEASURED);
   truepose_controller unfinished{};
-  CHECK(truepose_controller_error(&in_c_model.model, &unfinished, robot.home.data(), q_e, nullptr,
-                                  nullptr, e)
+  CHECK(truepose_controller_error(model, &unfinished, robot.home.data(), q_e, nullptr, nullptr, e)
             .status == TRUEPOSE_UNFINISHED);
-  CHECK(truepose_motor_error(&in_c_model.model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e)
-            .status == TRUEPOSE_NO_SUCH_PART);
+  CHECK(truepose_motor_error(model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e).status ==
+        TRUEPOSE_NO_SUCH_PART);
 }
 
 TEST_EACH(for_each,
           "slow sensors in C are the core's, with timestamps and without, under every law") {
   const Robot& robot = mechanism.robot;
   if (robot.r == 0) return;
-  InC in_c_model(robot);
-  Prior prior(robot);
-  truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
-  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-  std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+  ModelInC model(robot);
+  KnownInC known(robot);
   MultirateSettings slow;
   slow.every.fill(10);
   slow.age.fill(8);
@@ -311,40 +265,32 @@ TEST_EACH(for_each,
     for (const bool stamped : {false, true})
       for (const bool monitors : {false, true}) {
         slow.stamped = stamped ? 1 : 0;
-        truepose_multirate_settings slow_c;
-        c::describe(slow, slow_c);
+        const auto slow_c = in_c<truepose_multirate_settings>(slow);
         truepose_multirate sensors;
         Multirate late;
-        CHECK(bool(start(slow, late)));
+        CHECK(start(slow, late));
         CHECK(same(truepose_multirate_init(&sensors, sizeof sensors, &slow_c), {}));
         ControlSettings settings;
         settings.law = law;
-        CHECK(bool(place_poles(robot, robot.home, 60, 1, settings)));
-        const truepose_control_settings table = in_c(settings);
-        truepose_controller controller;
-        CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
+        CHECK(place_poles(robot, robot.home, 60, 1, settings));
+        truepose_controller controller = controller_in_c(in_c<truepose_control_settings>(settings));
         CHECK(same(truepose_controller_sensors(&controller, &sensors), {}));
         FaultTolerantSettings watch;
-        truepose_fault_monitor_settings watch_c;
-        truepose_fault_monitor monitor;
-        c::describe(watch, watch_c);
+        truepose_fault_monitor monitor = monitor_in_c(watch);
         prepare(watch.monitor);
-        CHECK(same(truepose_fault_monitor_init(&monitor, sizeof monitor, &watch_c), {}));
         truepose_fault_report report;
         ControlState state;
         CachedGain kept;
         FaultTolerantState seen;
-        Weighing keeps = prior.weighing();
+        Weighing keeps = known.prior.weighing();
         keeps.kept = &kept;
         Extended held{};
         for (int k = 0; k < 60; ++k) {
           Setpoint setpoint;
           setpoint.x = robot.home;
           setpoint.x[0] += 0.02 * std::sin(0.02 * k);
-          truepose_setpoint setpoint_c{};
-          std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
-          Extended q_e{};
-          CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
+          const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
+          Extended q_e = readings_at<K>(robot, setpoint.x);
           const bool comes = k % 10 == 8;
           if (k == 0 || comes) held = q_e;
           std::copy_n(held.begin() + n, robot.r, q_e.begin() + n);
@@ -363,9 +309,9 @@ TEST_EACH(for_each,
           if (monitors) {
             outcome = control_fault_tolerant<K>(robot, settings, watch, setpoint, q_e, state, keeps,
                                                 seen, &late);
-            CHECK(same(truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
-                                                       &monitor, &setpoint_c, q_e.data(), &known,
-                                                       work.data(), torque, &report),
+            CHECK(same(truepose_control_fault_tolerant(model, nullptr, &controller, &monitor,
+                                                       &setpoint_c, q_e.data(), known,
+                                                       known.work.data(), torque, &report),
                        outcome));
           } else {
             Extended present = q_e;
@@ -373,11 +319,11 @@ TEST_EACH(for_each,
             const Weighing by = compensated<K>(robot, properties(law).weighs ? keeps : Weighing{},
                                                late, weighed, present);
             outcome = control<K>(robot, settings, setpoint, present, state, by);
-            CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(),
-                                        &known, work.data(), torque),
+            CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
+                                        known.work.data(), torque),
                        outcome));
           }
-          CHECK(bool(outcome) && same(torque, state.torque));
+          CHECK(outcome && same(torque, state.torque));
         }
         const std::uint64_t time[kMaxSensors]{};
         std::uint32_t stale = 0;  // a sample of the distant past, and one without a time
@@ -390,12 +336,10 @@ TEST_EACH(for_each,
 
 TEST("slow sensors that none can have are refused, and their absence is allowed") {
   truepose_multirate sensors{};
-  truepose_multirate_settings settings;
-  c::describe(MultirateSettings{}, settings);
+  auto settings = in_c<truepose_multirate_settings>(MultirateSettings{});
   truepose_control_settings control;
   truepose_control_defaults(&control);
-  truepose_controller controller;
-  CHECK(same(truepose_controller_init(&controller, sizeof controller, &control), {}));
+  truepose_controller controller = controller_in_c(control);
   CHECK(same(truepose_controller_sensors(&controller, &sensors), {Status::unfinished, -1}));
   CHECK(
       same(truepose_multirate_arrive(&sensors, 0, nullptr, 0, nullptr), {Status::unfinished, -1}));
@@ -417,24 +361,13 @@ TEST("slow sensors that none can have are refused, and their absence is allowed"
 TEST_EACH(for_each,
           "a monitor in C finds a sensor that is gone, goes on without, and believes it again") {
   const Robot& robot = mechanism.robot;
-  const InC in_c_model(robot);
-  Prior prior(robot);
-  truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
-  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-  std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
-  ControlSettings settings;
-  CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
-  const truepose_control_settings table = in_c(settings);
-  truepose_fault_monitor_settings monitor;
-  c::describe(FaultTolerantSettings{}, monitor);
-  truepose_controller controller;
-  truepose_fault_monitor fault_state;
-  CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
-  CHECK(same(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor), {}));
-  truepose_setpoint setpoint{};
-  std::copy_n(robot.home.begin(), 6, setpoint.x);
-  Extended q_e{};
-  CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), q_e)));
+  const ModelInC model(robot);
+  KnownInC known(robot);
+  truepose_controller controller =
+      controller_in_c(in_c<truepose_control_settings>(settings_for(robot, Law::joint)));
+  truepose_fault_monitor fault_state = monitor_in_c({});
+  const truepose_setpoint setpoint = setpoint_in_c(robot.home);
+  Extended q_e = readings_at<K>(robot, robot.home);
   const int sensor = robot.motors;
   truepose_fault_report report;
   truepose_outcome outcome{};
@@ -443,9 +376,9 @@ TEST_EACH(for_each,
     read[sensor] = reading;
     truepose_real torque[6];
     for (int k = 0; k < count; ++k)
-      outcome = truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller,
-                                                &fault_state, &setpoint, read.data(), &known,
-                                                work.data(), torque, &report);
+      outcome =
+          truepose_control_fault_tolerant(model, nullptr, &controller, &fault_state, &setpoint,
+                                          read.data(), known, known.work.data(), torque, &report);
     for (int i = 0; i < robot.motors; ++i) CHECK(std::isfinite(torque[i]));
   };
   cycles(100, q_e[sensor]);
@@ -460,8 +393,8 @@ TEST_EACH(for_each,
   truepose_real believed[16] = {};
   Extended none = q_e;
   none[sensor] = NAN;
-  truepose_fault_monitor_step(&in_c_model.model, &fault_state, q_e.data(), none.data(), &known,
-                              work.data(), believed, &report);
+  truepose_fault_monitor_step(model, &fault_state, q_e.data(), none.data(), known,
+                              known.work.data(), believed, &report);
   CHECK_NEAR(believed[sensor], q_e[sensor], 1e-6);
   CHECK(report.health[sensor] == TRUEPOSE_SUSPECT);
 }
@@ -469,28 +402,25 @@ TEST_EACH(for_each,
 TEST_EACH(for_each, "a learner in C learns what the core's does") {
   check::Random random(5);
   const Robot& robot = mechanism.robot;
-  const InC in_c_model(robot);
-  Prior prior(robot), twin(robot);
-  const std::int32_t p = prior.known().count;
-  truepose_knowledge known{p, 0, prior.known().column, prior.known().root, {}};
-  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-  std::vector<truepose_real> memory(truepose_online_calibrator_memory(&in_c_model.model, p));
+  const ModelInC model(robot);
+  KnownInC known(robot);
+  Prior twin(robot);
+  const std::int32_t p = known.of.count;
+  std::vector<truepose_real> memory(truepose_online_calibrator_memory(model, p));
   truepose_online_calibrator learner;
-  CHECK(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
-                                        memory.data(), memory.size() - 1)
+  CHECK(truepose_online_calibrator_init(&learner, sizeof learner, model, known, memory.data(),
+                                        memory.size() - 1)
             .status == TRUEPOSE_TOO_SMALL);
   CHECK(truepose_online_calibrator_step(&learner, memory.data()).status == TRUEPOSE_UNFINISHED);
-  CHECK(same(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
-                                             memory.data(), memory.size()),
+  CHECK(same(truepose_online_calibrator_init(&learner, sizeof learner, model, known, memory.data(),
+                                             memory.size()),
              {}));
   OnlineCalibrator core = twin.learner(robot);
   core.settings = {};
   Robot truth = robot;
   truth.chain[0].encoder_offset += 1e-3;
   for (int k = 0; k < 10; ++k) {
-    Extended q_e{};
-    const Coordinates x = random_pose(mechanism, random);
-    CHECK(bool(extended<K>(truth, to_pose<K>(x), q_e)));
+    const Extended q_e = readings_at<K>(truth, random_pose(mechanism, random));
     CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
                calibrate_online<K>(core, q_e)));
   }
@@ -508,10 +438,10 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   CHECK(counted == core.lines && left_out == core.left_out && counted + left_out == 10);
   truepose_description kept;  // what was learnt can be kept, and loaded another day
   CHECK(same(truepose_description_of(&learnt, &kept), {}));
-  const InC again(kept);
+  const ModelInC again(kept);
   CHECK(same(again.outcome, {}));
   truepose_real q_again[6] = {};
-  CHECK(truepose_ikm(&again.model, robot.home.data(), q_again).status == TRUEPOSE_OK);
+  CHECK(truepose_ikm(again, robot.home.data(), q_again).status == TRUEPOSE_OK);
   for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
   CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
 }
@@ -531,7 +461,7 @@ TEST("a path clock in C is the core's") {
 }
 
 TEST("what is no robot is refused, named, and answers nothing") {
-  const Mechanism mechanism = h4();
+  const auto table = in_c<truepose_description>(h4().robot);
   struct Wrong {
     const char* what;
     void (*make)(truepose_description&);
@@ -564,18 +494,14 @@ TEST("what is no robot is refused, named, and answers nothing") {
   };
   for (const Wrong& wrong : wrongs) {
     check::state().scene = wrong.what;
-    truepose_description table;
-    c::describe(mechanism.robot, table);
-    wrong.make(table);
-    truepose_model model;
-    const truepose_outcome outcome = truepose_load(&model, sizeof model, &table);
-    CHECK(outcome.status == wrong.status && outcome.part == wrong.part);
+    truepose_description spoilt = table;
+    wrong.make(spoilt);
+    const ModelInC model(spoilt);
+    CHECK(model.outcome.status == wrong.status && model.outcome.part == wrong.part);
     truepose_real q[6] = {7, 7, 7, 7, 7, 7};
-    CHECK(truepose_ikm(&model, table.home, q).status == TRUEPOSE_UNFINISHED && q[0] == 7);
-    CHECK(truepose_freedoms(&model) == 0 && truepose_work(&model, 5) == 0);
+    CHECK(truepose_ikm(model, table.home, q).status == TRUEPOSE_UNFINISHED && q[0] == 7);
+    CHECK(truepose_freedoms(model) == 0 && truepose_work(model, 5) == 0);
   }
-  truepose_description table;
-  c::describe(mechanism.robot, table);
   truepose_model model;
   std::memset(&model, 0x5a, sizeof model);
   truepose_real q[6];
@@ -589,55 +515,48 @@ TEST("what is no robot is refused, named, and answers nothing") {
 TEST("a knowledge of parameters that the robot has not is refused, not read") {
   const Mechanism mechanism = h4();
   const Robot& robot = mechanism.robot;
-  const InC in_c_model(robot);
-  Prior prior(robot);
+  const ModelInC model(robot);
+  KnownInC known(robot);
   truepose_control_settings control;
   truepose_control_defaults(&control);
-  truepose_fault_monitor_settings monitor;
-  c::describe(FaultTolerantSettings{}, monitor);
-  truepose_controller controller, joint;
-  truepose_fault_monitor fault_state;
-  CHECK(same(truepose_controller_init(&joint, sizeof joint, &control), {}));
+  truepose_controller joint = controller_in_c(control);
   control.law = TRUEPOSE_LAW_WEIGHTED;
-  CHECK(same(truepose_controller_init(&controller, sizeof controller, &control), {}));
-  CHECK(same(truepose_fault_monitor_init(&fault_state, sizeof fault_state, &monitor), {}));
-  std::vector<truepose_real> work(truepose_work(&in_c_model.model, prior.known().count));
-  truepose_setpoint setpoint{};
-  std::copy_n(robot.home.begin(), 6, setpoint.x);
+  truepose_controller controller = controller_in_c(control);
+  truepose_fault_monitor fault_state = monitor_in_c({});
+  const truepose_setpoint setpoint = setpoint_in_c(robot.home);
+  std::vector<std::int32_t> column(known.of.column, known.of.column + known.of.count);
+  known.table.column = column.data();
   const auto refused = [&](std::int32_t count, std::int32_t first, std::int32_t part) {
-    std::vector<std::int32_t> column(prior.known().column,
-                                     prior.known().column + prior.known().count);
+    known.table.count = count;
     column[0] = first;
-    truepose_knowledge known{count, 0, column.data(), prior.known().root, {}};
-    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
     truepose_real q_e[16] = {}, out[16], x[6] = {};
     truepose_fault_report report;
-    const truepose_model* model = &in_c_model.model;
-    CHECK(same(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, &known,
-                                    work.data(), out),
+    CHECK(same(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, known,
+                                    known.work.data(), out),
                {Status::no_such_part, part}));
-    CHECK(truepose_control(model, &controller, &setpoint, q_e, &known, work.data(), out).status ==
-          TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_controller_error(model, &controller, setpoint.x, q_e, &known, work.data(), out)
+    CHECK(truepose_control(model, &controller, &setpoint, q_e, known, known.work.data(), out)
+              .status == TRUEPOSE_NO_SUCH_PART);
+    CHECK(truepose_controller_error(model, &controller, setpoint.x, q_e, known, known.work.data(),
+                                    out)
               .status == TRUEPOSE_NO_SUCH_PART);
     // A law that does not weigh does not look at it; a monitor does.
-    CHECK(truepose_control(model, &joint, &setpoint, q_e, &known, work.data(), out).status ==
+    CHECK(truepose_control(model, &joint, &setpoint, q_e, known, known.work.data(), out).status ==
           TRUEPOSE_OK);
     CHECK(truepose_control_fault_tolerant(model, nullptr, &joint, &fault_state, &setpoint, q_e,
-                                          &known, work.data(), out, &report)
+                                          known, known.work.data(), out, &report)
               .status == TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_fault_monitor_step(model, &fault_state, q_e, q_e, &known, work.data(), out,
+    CHECK(truepose_fault_monitor_step(model, &fault_state, q_e, q_e, known, known.work.data(), out,
                                       &report)
               .status == TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_estimate(model, &known, q_e, work.data(), x).outcome.status ==
+    CHECK(truepose_estimate(model, known, q_e, known.work.data(), x).outcome.status ==
           TRUEPOSE_NO_SUCH_PART);
   };
-  refused(prior.known().count, 2000000, 0);
-  refused(prior.known().count, -1, 0);
+  refused(known.of.count, 2000000, 0);
+  refused(known.of.count, -1, 0);
   refused(-1, 0, -1);
   refused(2000000, 0, -1);
   truepose_real q_e[16] = {}, x[6] = {};
-  CHECK(truepose_estimate(&in_c_model.model, nullptr, q_e, work.data(), x).outcome.status ==
+  CHECK(truepose_estimate(model, nullptr, q_e, known.work.data(), x).outcome.status ==
         TRUEPOSE_NOT_MEASURED);
 }
 
@@ -665,8 +584,7 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(begun([](auto& s) { s.period = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(begun([](auto& s) { s.kp[5] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(truepose_change_law(&controller, -1).status == TRUEPOSE_NO_SUCH_PART);
-  truepose_fault_monitor_settings monitor;
-  c::describe(FaultTolerantSettings{}, monitor);
+  const auto monitor = in_c<truepose_fault_monitor_settings>(FaultTolerantSettings{});
   truepose_fault_monitor fault_state;
   const auto monitored = [&](auto change) {
     truepose_fault_monitor_settings settings = monitor;
@@ -708,9 +626,9 @@ TEST("every status has the core's number and says what it is") {
 TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of their own calls") {
   check::Random random(11);
   const Robot& robot = mechanism.robot;
-  const InC in_c(robot);
+  const ModelInC c_model(robot);
   Model model;
-  CHECK(bool(model.load(in_c.table)));
+  CHECK(model.load(c_model.table));
   CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
   for (const truepose_law law : {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
     if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
@@ -722,9 +640,9 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
     CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
     for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
     truepose_servo_cycle cycle;
-    CHECK(bool(model.servo(law, x, q_e, cycle)));
+    CHECK(model.servo(law, x, q_e, cycle));
     CHECK(same(
-        truepose_motor_error(&in_c.model, law, 0, x.data(), q_e.data(), nullptr, nullptr, e.data()),
+        truepose_motor_error(c_model, law, 0, x.data(), q_e.data(), nullptr, nullptr, e.data()),
         {}));
     CHECK(same(cycle.error, e) && same(cycle.q_d, q));
     CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
@@ -743,9 +661,9 @@ TEST_EACH(for_each,
           "joint states conserve power, and motor commands act on the joints as commanded") {
   check::Random random(12);
   const Robot& robot = mechanism.robot;
-  const InC in_c(robot);
+  const ModelInC c_model(robot);
   Model model;
-  CHECK(bool(model.load(in_c.table)));
+  CHECK(model.load(c_model.table));
   for (int k = 0; k < 10; ++k) {
     const Coordinates x = random_pose(mechanism, random, 0.3);
     Coordinates near = x;
@@ -755,9 +673,9 @@ TEST_EACH(for_each,
       motors.torque[i] = random();
       near[i] += 1e-3 * random();
     }
-    CHECK(same(truepose_ikm(&in_c.model, x.data(), motors.position), {}));
+    CHECK(same(truepose_ikm(c_model, x.data(), motors.position), {}));
     std::copy_n(near.begin(), 6, joints.position);
-    CHECK(bool(model.joint_state(motors, joints)));
+    CHECK(model.joint_state(motors, joints));
     Real power = 0, joint_power = 0, along = 0;
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(joints.position[i], x[i], 1e-9);
@@ -771,7 +689,7 @@ TEST_EACH(for_each,
     Coordinates rate{};
     std::copy_n(joints.velocity, 6, rate.begin());
     for (Real& value : rate) value *= kStep;
-    CHECK(bool(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near)));
+    CHECK(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near));
     for (int i = 0; i < n; ++i)
       along =
           std::max(along, std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));
@@ -785,10 +703,10 @@ TEST_EACH(for_each,
       wanted.kp[i] = 50 + 10 * random();
       wanted.kd[i] = 2 + random();
     }
-    CHECK(bool(model.motor_command(motors, joints, wanted, given)));
+    CHECK(model.motor_command(motors, joints, wanted, given));
     truepose_axis_state acting = motors, felt = joints;
     Joint q_d{};
-    CHECK(bool(model.ikm(near, q_d)));
+    CHECK(model.ikm(near, q_d));
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(given.state.position[i], q_d[i], 1e-12);
       CHECK(given.kp[i] > 0 && given.kd[i] > 0);
@@ -796,7 +714,7 @@ TEST_EACH(for_each,
                          given.kp[i] * (given.state.position[i] - motors.position[i]) +
                          given.kd[i] * (given.state.velocity[i] - motors.velocity[i]);
     }
-    CHECK(bool(model.joint_state(acting, felt)));
+    CHECK(model.joint_state(acting, felt));
     const Coordinates away = difference<K>(to_pose<K>(near), to_pose<K>(x));
     for (int i = 0; i < n; ++i) {
       const Real asked = wanted.state.torque[i] + wanted.kp[i] * away[i] +
@@ -806,7 +724,7 @@ TEST_EACH(for_each,
   }
   truepose_axis_state broken{}, kept{};
   broken.velocity[0] = NAN;
-  CHECK(same(truepose_ikm(&in_c.model, robot.home.data(), broken.position), {}));
+  CHECK(same(truepose_ikm(c_model, robot.home.data(), broken.position), {}));
   std::copy_n(robot.home.begin(), 6, kept.position);
   CHECK(model.joint_state(broken, kept).status == Status::not_finite);
   CHECK(kept.torque[0] == 0);

@@ -1,36 +1,29 @@
 // The momentum observer in C picks up a payload as the core does.
-#include "../../src/c/description.hpp"
+#include "in_c.hpp"
 #include "safety_bench.hpp"
 #include "truepose/offline/momentum_defaults.hpp"
-#include "truepose/truepose.hpp"
 
 using namespace mechanisms;
 
 TEST("a payload in C has the core's size and torques, is fed forward, and drives may observe it") {
   constexpr Mobility K = Mobility::schoenflies;
   const Robot robot = limited_robot<K>(h4());
-  Prior prior(robot);
-  for (int i = 0; i < 4; ++i) prior.known().sigma[i] = robot.chain[i].encoder_step;
-  truepose_description table;
-  truepose_model model;
-  c::describe(robot, table);
-  CHECK(truepose_load(&model, sizeof model, &table).status == 0);
-  truepose_control_settings settings;
+  const ModelInC model(robot);
+  KnownInC known(robot);
+  for (int i = 0; i < 4; ++i)
+    known.prior.known().sigma[i] = known.table.sigma[i] = robot.chain[i].encoder_step;
   truepose_momentum_settings momentum{};
-  truepose_fault_monitor_settings monitored;
-  static truepose_controller controller;
-  static truepose_fault_monitor monitor, alone;
+  truepose_fault_monitor monitor{}, alone;
   truepose_fault_report report;
   const ControlSettings control_settings = settings_for(robot, Law::joint);
-  c::describe(control_settings, settings);
+  const auto settings = in_c<truepose_control_settings>(control_settings);
+  truepose_controller controller = controller_in_c(settings);
   FaultTolerantSettings core;
   prepare(core.monitor);
-  c::describe(core, monitored);
-  CHECK(truepose_controller_init(&controller, sizeof controller, &settings).status == 0);
   CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == TRUEPOSE_UNFINISHED);
-  CHECK(truepose_fault_monitor_init(&monitor, sizeof monitor, &monitored).status == 0);
+  monitor = monitor_in_c(core);
   CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == TRUEPOSE_OTHER_VERSION);
-  CHECK(truepose_momentum_defaults(&model, &settings, &momentum).status == 0);
+  CHECK(truepose_momentum_defaults(model, &settings, &momentum).status == 0);
   momentum.alarm = 0;
   CHECK(truepose_fault_monitor_momentum(&monitor, &momentum).status == TRUEPOSE_NO_SUCH_VALUE);
   momentum.alarm = MomentumSettings{}.alarm;
@@ -40,13 +33,6 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
   CHECK(bool(default_momentum(robot, control_settings, core.momentum)));
   core.momentum.carry = true;
 
-  truepose_knowledge known{};
-  const Knowledge& of = prior.known();
-  known.count = of.count;
-  known.column = of.column;
-  known.root = of.root;
-  std::copy_n(of.sigma.begin(), kMaxReadings, known.sigma);
-  std::vector<truepose_real> work(truepose_work(&model, known.count));
   ControlState state;
   FaultTolerantState fault_state;
   Plant<K> plant(robot, {}, to_pose<K>(robot.home), 1);
@@ -58,19 +44,18 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
   for (int k = 0; k < 1500; ++k) {
     Setpoint setpoint;
     setpoint.x = robot.home;
-    truepose_setpoint to{};
-    std::copy_n(setpoint.x.begin(), 6, to.x);
+    const truepose_setpoint to = setpoint_in_c(setpoint.x);
     Extended q_e{};
     CHECK(plant.measure(q_e));
-    CHECK(truepose_fault_monitor_step(&model, &alone, state.q_d.data(), q_e.data(), &known,
-                                      work.data(), believed, &report)
+    CHECK(truepose_fault_monitor_step(model, &alone, state.q_d.data(), q_e.data(), known,
+                                      known.work.data(), believed, &report)
               .status <= 0);
-    if (state.started) CHECK(truepose_fault_monitor_observe(&model, &alone, torque).status == 0);
-    CHECK(truepose_control_fault_tolerant(&model, nullptr, &controller, &monitor, &to, q_e.data(),
-                                          &known, work.data(), torque, &report)
+    if (state.started) CHECK(truepose_fault_monitor_observe(model, &alone, torque).status == 0);
+    CHECK(truepose_control_fault_tolerant(model, nullptr, &controller, &monitor, &to, q_e.data(),
+                                          known, known.work.data(), torque, &report)
               .status <= 0);
     CHECK(bool(control_fault_tolerant<K>(robot, control_settings, core, setpoint, q_e, state,
-                                         prior.weighing(), fault_state)));
+                                         known.prior.weighing(), fault_state)));
     CHECK(std::equal(state.torque.begin(), state.torque.end(), torque));
     CHECK(truepose_fault_monitor_disturbance(&monitor, &seen).status == 0);
     CHECK(seen.size == fault_state.observer.size && seen.chi2 == fault_state.observer.chi2);

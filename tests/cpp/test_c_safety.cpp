@@ -1,39 +1,25 @@
 // The safety shell in C does what the core's does, and refuses what is no shell.
 #include <cstring>
 
-#include "../../src/c/description.hpp"
+#include "in_c.hpp"
 #include "safety_bench.hpp"
-#include "truepose/truepose.hpp"
 
 using namespace mechanisms;
 
 namespace {
 
-bool same(truepose_outcome a, Outcome b) {
-  return a.status == static_cast<int>(b.status) && a.part == b.chain;
-}
-
 /// A robot with torque limits, its controller and its shell as a C program has them.
 template <Mobility K>
 struct InC {
   explicit InC(const Mechanism& mechanism) : robot(limited_robot<K>(mechanism)) {
-    truepose_description table;
-    c::describe(robot, table);
-    CHECK(same(truepose_load(&model, sizeof model, &table), {}));
-    c::describe(settings_for(robot, Law::joint), settings);
-    CHECK(same(truepose_controller_init(&controller, sizeof controller, &settings), {}));
-    CHECK(same(truepose_safety_defaults(&model, &settings, &limits), {}));
-    CHECK(same(truepose_safety_shell_init(&shell, sizeof shell, &model, &limits), {}));
-    std::copy_n(robot.home.begin(), kMaxDof, setpoint.x);
-    Extended read{};
-    CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), read)));
-    std::copy(read.begin(), read.end(), q_e);
+    CHECK(same(truepose_safety_defaults(model, &settings, &limits), {}));
+    CHECK(same(truepose_safety_shell_init(&shell, sizeof shell, model, &limits), {}));
   }
   truepose_outcome cycle(truepose_safety_marks marks = {}, bool frozen = false) {
     marks.counter_given = marks.known = 1;
     marks.counter = frozen ? frame : ++frame;
-    return truepose_control_safely(&model, nullptr, &controller, nullptr, &shell, &setpoint, q_e,
-                                   nullptr, nullptr, &marks, &report);
+    return truepose_control_safely(model, nullptr, &controller, nullptr, &shell, &setpoint,
+                                   q_e.data(), nullptr, nullptr, &marks, &report);
   }
   /// From switching on to the law in action.
   void begin() {
@@ -47,13 +33,14 @@ struct InC {
     CHECK(report.state == TRUEPOSE_SAFETY_RUNNING && report.follows && report.brakes == 0);
   }
   Robot robot;
-  truepose_model model;
-  truepose_control_settings settings;
-  truepose_controller controller;
+  ModelInC model{robot};
+  ControlSettings law = settings_for(robot, Law::joint);
+  truepose_control_settings settings = in_c<truepose_control_settings>(law);
+  truepose_controller controller = controller_in_c(settings);
   truepose_safety_limits limits;
   truepose_safety_shell shell;
-  truepose_setpoint setpoint{};
-  truepose_real q_e[TRUEPOSE_READINGS];
+  truepose_setpoint setpoint = setpoint_in_c(robot.home);
+  Extended q_e = readings_at<K>(robot, robot.home);
   truepose_safety_report report{};
   std::uint64_t frame = 0;
 };
@@ -69,10 +56,7 @@ TEST_EACH(
   ControlState state;
   SafetyShell shell;
   SafetyLimits limits;
-  const ControlSettings settings = settings_for(c.robot, Law::joint);
-  CHECK(bool(default_limits(c.robot, settings, limits)));
-  Extended q_e;
-  std::copy_n(c.q_e, q_e.size(), q_e.begin());
+  CHECK(default_limits(c.robot, c.law, limits));
   Setpoint setpoint;
   setpoint.x = c.robot.home;
   for (std::uint64_t frame = 1; frame <= c.frame; ++frame) {
@@ -80,7 +64,7 @@ TEST_EACH(
     cycle.counter = {true, frame};
     cycle.request = {frame > 11, false, frame > 10};
     static_cast<void>(
-        control_safely<K>(c.robot, settings, limits, setpoint, q_e, state, shell, cycle));
+        control_safely<K>(c.robot, c.law, limits, setpoint, c.q_e, state, shell, cycle));
   }
   CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
   int until = 0;
@@ -96,12 +80,9 @@ TEST_EACH(
 TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's law") {
   InC<K> c(mechanism);
   truepose_safety_shell alone;
-  CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, &c.model, &c.limits), {}));
+  CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, c.model, &c.limits), {}));
   ControlState state;  // of any law: the core's
-  const ControlSettings settings = settings_for(c.robot, Law::joint);
   truepose_safety_report report{};
-  Extended q_e;
-  std::copy_n(c.q_e, q_e.size(), q_e.begin());
   for (int k = 0; k < 150; ++k) {
     truepose_safety_marks marks{};
     marks.acknowledge = k > 10;
@@ -110,28 +91,27 @@ TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's 
     if (!report.follows) state = {};
     Setpoint setpoint;
     setpoint.x = c.robot.home;
-    const Outcome outcome = control<K>(c.robot, settings, setpoint, q_e, state);
+    const Outcome outcome = control<K>(c.robot, c.law, setpoint, c.q_e, state);
     truepose_safety_cycle cycle{};
     cycle.status = static_cast<int>(outcome.status);
     std::copy_n(setpoint.x.begin(), n, cycle.x);
     std::copy_n(state.q_d.begin(), n, cycle.q_d);
-    std::copy_n(q_e.begin(), n, cycle.q);
+    std::copy_n(c.q_e.begin(), n, cycle.q);
     std::copy_n(state.error.begin(), n, cycle.error);
     std::copy_n(state.torque.begin(), n, cycle.torque);
     std::copy_n(state.load.begin(), n, cycle.load);
     c.cycle(marks);
     marks.counter = c.frame;
-    CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
+    CHECK(same(truepose_guard(c.model, &alone, &cycle, &marks, &report), {}));
     CHECK(std::memcmp(&report, &c.report, sizeof report) == 0);
     if (k < 149) continue;
     CHECK(report.follows && report.brakes == 0);
     cycle.lost = 2;
     ++marks.counter;
-    CHECK(same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {}));
+    CHECK(same(truepose_guard(c.model, &alone, &cycle, &marks, &report), {}));
     CHECK(report.cause == TRUEPOSE_STOP_SUSPECTED_MOTOR && !report.follows);
     alone = {};
-    CHECK(
-        same(truepose_guard(&c.model, &alone, &cycle, &marks, &report), {Status::unfinished, -1}));
+    CHECK(same(truepose_guard(c.model, &alone, &cycle, &marks, &report), {Status::unfinished, -1}));
   }
 }
 
@@ -140,7 +120,7 @@ TEST("limits that contradict themselves, and a shell that is none, are refused")
   InC<Mobility::schoenflies> c(mechanism);
   truepose_safety_limits limits = c.limits;
   const auto begun = [&] {
-    return truepose_safety_shell_init(&c.shell, sizeof c.shell, &c.model, &limits);
+    return truepose_safety_shell_init(&c.shell, sizeof c.shell, c.model, &limits);
   };
   limits.torque[2] = 0;
   CHECK(same(begun(), {Status::no_such_value, 2}));
@@ -151,12 +131,12 @@ TEST("limits that contradict themselves, and a shell that is none, are refused")
   ++limits.size;
   CHECK(same(begun(), {Status::other_version, -1}));
   CHECK(same(
-      truepose_safety_shell_init(&c.shell, truepose_safety_shell_size() - 1, &c.model, &c.limits),
+      truepose_safety_shell_init(&c.shell, truepose_safety_shell_size() - 1, c.model, &c.limits),
       {Status::too_small, -1}));
   truepose_real distance = 0;
-  CHECK(same(truepose_stopping_distance(&c.model, &c.limits, 1, 0.3, &distance), {}));
+  CHECK(same(truepose_stopping_distance(c.model, &c.limits, 1, 0.3, &distance), {}));
   CHECK(0.003 < distance && distance < 0.1);
-  CHECK(same(truepose_stopping_distance(&c.model, &c.limits, 1, NAN, &distance),
+  CHECK(same(truepose_stopping_distance(c.model, &c.limits, 1, NAN, &distance),
              {Status::no_such_value, -1}));
   c.shell = {};
   c.report.state = 77;

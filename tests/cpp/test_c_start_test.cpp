@@ -1,26 +1,21 @@
 // The start-up test in C does what the core's does, and refuses what is no test.
-#include "../../src/c/description.hpp"
+#include "in_c.hpp"
 #include "start_bench.hpp"
-#include "truepose/truepose.hpp"
 
 using namespace mechanisms;
 
 TEST("a start-up test in C passes with the core's torques, brakes and scales") {
   constexpr Mobility K = Mobility::schoenflies;
   StartBench<K> bench(limited_robot<K>(h4()));
-  truepose_description table;
-  truepose_safety_limits limits;
-  truepose_model model;
+  const ModelInC model(bench.robot);
+  const auto limits = in_c<truepose_safety_limits>(bench.limits);
   truepose_start_test test;
   truepose_start_report report{};
-  c::describe(bench.robot, table);
-  c::describe(bench.limits, limits);
-  CHECK(truepose_load(&model, sizeof model, &table).status == 0);
-  CHECK(truepose_start_test_init(&test, sizeof test, &model, nullptr, &limits).status == 0);
+  CHECK(truepose_start_test_init(&test, sizeof test, model, nullptr, &limits).status == 0);
   while (report.state < TRUEPOSE_START_PASSED || bench.test.torque != Joint{}) {
     const Extended q_e = bench.read({});
     CHECK(
-        truepose_start_test_cycle(&model, &test, q_e.data(), 1, nullptr, nullptr, &report).status ==
+        truepose_start_test_cycle(model, &test, q_e.data(), 1, nullptr, nullptr, &report).status ==
         0);
     start_test<K>(bench.robot, {}, bench.limits, q_e, true, bench.test);
     CHECK(std::equal(bench.test.torque.begin(), bench.test.torque.end(), report.torque));
@@ -36,24 +31,20 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
 TEST("limits that contradict themselves, and a test that is none, are refused") {
   constexpr Mobility K = Mobility::schoenflies;
   const StartBench<K> bench(limited_robot<K>(h4()));
-  truepose_description table;
-  truepose_safety_limits limits;
-  truepose_model model;
+  const ModelInC model(bench.robot);
+  auto limits = in_c<truepose_safety_limits>(bench.limits);
   truepose_start_test test{};
   truepose_start_report report{};
   truepose_start_settings settings;
   report.state = 77;
-  c::describe(bench.robot, table);
-  c::describe(bench.limits, limits);
   truepose_start_defaults(&settings);
   CHECK(settings.motion == StartSettings{}.motion && settings.size == sizeof settings);
-  CHECK(truepose_load(&model, sizeof model, &table).status == 0);
   const auto status = [](truepose_outcome outcome) { return static_cast<Status>(outcome.status); };
   const auto begun = [&](std::size_t size) {
-    return status(truepose_start_test_init(&test, size, &model, &settings, &limits));
+    return status(truepose_start_test_init(&test, size, model, &settings, &limits));
   };
   const auto cycle = [&](int referenced) {
-    return status(truepose_start_test_cycle(&model, &test, bench.first.data(), referenced, nullptr,
+    return status(truepose_start_test_cycle(model, &test, bench.first.data(), referenced, nullptr,
                                             nullptr, &report));
   };
   CHECK(cycle(1) == Status::unfinished && report.state == 77);

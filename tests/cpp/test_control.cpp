@@ -1,6 +1,4 @@
 // One control cycle, and its torque without an answer.
-#include <limits>
-
 #include "controllers.hpp"
 
 using namespace mechanisms;
@@ -14,10 +12,8 @@ TEST_EACH(
     settings.ki.fill(1);
     Prior prior(robot);
     const Weighing weighing = prior.weighing();
-    Setpoint at_home;
-    at_home.x = robot.home;
-    Extended q_e{};
-    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    const Setpoint at_home{robot.home, {}, {}};
+    Extended q_e = readings_at<K>(robot, robot.home);
     q_e[0] += 1e-3;
     ControlState state;
     CHECK(control(robot, settings, at_home, q_e, state, weighing));
@@ -28,7 +24,7 @@ TEST_EACH(
       CHECK(state.position == good.position && state.rate == good.rate);
       CHECK(state.integral == good.integral && state.started);
     };
-    for (const double bad : {std::numeric_limits<double>::quiet_NaN(), HUGE_VAL, -HUGE_VAL}) {
+    for (const double bad : {double(NAN), HUGE_VAL, -HUGE_VAL}) {
       for (int c = 0; c < (law == Law::joint ? n : n + robot.r); ++c) {  // that it uses
         Extended broken = q_e;
         broken[c] = bad;
@@ -45,12 +41,15 @@ TEST_EACH(
     far.x[1] += 5;
     if (robot.chain[0].actuator != Actuator::telescopic)
       check_held(control(robot, settings, far, q_e, state, weighing), Status::unreachable);
+    Robot other = robot;
+    other.assembly_sign = -robot.assembly_sign;
+    check_held(control(other, settings, at_home, q_e, state, weighing), Status::branch_lost);
     ControlSettings broken = settings;
-    broken.kp[0] = std::numeric_limits<double>::quiet_NaN();
+    broken.kp[0] = double(NAN);
     check_held(control(robot, broken, at_home, q_e, state, weighing), Status::not_finite);
     if (!properties(law).weighs) continue;
     check_held(control(robot, settings, at_home, q_e, state), Status::not_measured);
-    for (const double sigma : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+    for (const double sigma : {0.0, -1.0, double(NAN)}) {
       prior.known().sigma[0] = sigma;
       check_held(control(robot, settings, at_home, q_e, state, weighing), Status::not_finite);
     }
@@ -58,12 +57,8 @@ TEST_EACH(
 }
 
 TEST("a singular setpoint holds the torque too") {
-  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
+  const Robot robot = meeting_legs();
   const ControlSettings settings = settings_for(robot, Law::tej);
-  for (int i = 0; i < 3; ++i) {  // the legs meet in one point at θ = 0
-    robot.chain[i].base = polar(0.4, 90 + 120 * i);
-    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
-  }
   Extended q_e{};
   CHECK(extended<Mobility::planar>(robot, Pose{}, q_e));
   ControlState state;
@@ -72,29 +67,12 @@ TEST("a singular setpoint holds the torque too") {
   CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
 }
 
-TEST("a setpoint in another assembly mode is a lost branch and holds the torque") {
-  const Robot robot = delta().robot;
-  Robot other = robot;
-  other.assembly_sign = -robot.assembly_sign;
-  const ControlSettings settings = settings_for(robot, Law::joint);
-  Setpoint at_home;
-  at_home.x = robot.home;
-  Extended q_e{};
-  CHECK(extended<Mobility::translation>(robot, to_pose<Mobility::translation>(robot.home), q_e));
-  ControlState state;
-  state.torque = {1, 2, 3};
-  CHECK(control(other, settings, at_home, q_e, state).status == Status::branch_lost);
-  CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
-}
-
 TEST_EACH(for_each,
           "without a sensor a law of redundant sensors is not measured; joint control needs none") {
   Robot robot = mechanism.robot;
   robot.r = 0;
-  Extended q_e{};
-  Setpoint at_home;
-  at_home.x = robot.home;
-  CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+  const Setpoint at_home{robot.home, {}, {}};
+  Extended q_e = readings_at<K>(robot, robot.home);
   for (const Law law : kLaws) {
     ControlState state;
     Prior prior(robot);
@@ -107,10 +85,8 @@ TEST_EACH(for_each,
 TEST(
     "a scale of the readings' sigma is a knowledge with larger sigmas, for laws that weigh alone") {
   const Robot robot = h4().robot;
-  Extended q_e{};
-  Setpoint at_home;
-  at_home.x = robot.home;
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
+  const Setpoint at_home{robot.home, {}, {}};
+  Extended q_e = readings_at<Mobility::schoenflies>(robot, robot.home);
   for (int c = 0; c < 5; ++c) q_e[c] += 1e-3 * (c - 1);
   for (const Law law : kLaws) {
     Prior prior(robot);
@@ -133,11 +109,8 @@ TEST("an integral adds ki times the error's sum where no limit is met") {
   settings.kp.fill(0);
   settings.kd.fill(0);
   settings.ki.fill(10);
-  Setpoint at_home;
-  at_home.x = robot.home;
-  Extended q_e{};
-  CHECK(extended<Mobility::planar_translation>(
-      robot, to_pose<Mobility::planar_translation>(robot.home), q_e));
+  const Setpoint at_home{robot.home, {}, {}};
+  Extended q_e = readings_at<Mobility::planar_translation>(robot, robot.home);
   q_e[0] -= 0.02;
   ControlState state;
   for (int k = 1; k <= 100; ++k) {
@@ -145,6 +118,27 @@ TEST("an integral adds ki times the error's sum where no limit is met") {
     CHECK_NEAR(state.torque[0], 10 * 0.02 * 1e-3 * k, 1e-12);
     CHECK_NEAR(state.torque[1], 0, 1e-12);
   }
+}
+
+TEST("a saturated motor commands its limit, and does not wind up") {
+  constexpr double kLimit = 30;
+  Robot robot = h4().robot;
+  for (Chain& chain : robot.chain) chain.torque_limit = kLimit;
+  ControlSettings settings = settings_for(robot, Law::joint);
+  for (int i = 0; i < 4; ++i) settings.ki[i] = 50 * settings.kp[i];
+  const Setpoint at_home{robot.home, {}, {}};
+  const Extended there = readings_at<Mobility::schoenflies>(robot, robot.home);
+  Extended away = there;
+  for (int i = 0; i < 4; ++i) away[i] += i % 2 ? 0.5 : -0.5;
+  ControlState wound, fresh;
+  for (int k = 0; k < 1000; ++k) {
+    CHECK(control(robot, settings, at_home, away, wound));
+    for (int i = 0; i < 4; ++i) CHECK(wound.torque[i] == (i % 2 ? -kLimit : kLimit));
+  }
+  for (int k = 0; k < 100; ++k)
+    for (ControlState* state : {&wound, &fresh})
+      CHECK(control(robot, settings, at_home, there, *state));
+  for (int i = 0; i < 4; ++i) CHECK_NEAR(wound.torque[i], fresh.torque[i], 0.05);
 }
 
 TEST("the tracking loop finds by which rate a ramp falls behind, whatever its bandwidth") {
@@ -175,8 +169,7 @@ TEST("on the estimate, a hexapod that turns through a right angle is damped by i
   for (int i = 0; i < 6; ++i) step[i] = twist[i] * settings.period;
   for (int k = 0; k < 600; ++k) {
     Setpoint setpoint{to_coordinates<K>(pose), {}, {}};
-    Extended q_e{};
-    CHECK(extended<K>(robot, pose, q_e));
+    Extended q_e = readings_at<K>(robot, pose);
     CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
     pose = moved<K>(pose, step);
   }
@@ -198,8 +191,7 @@ TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in moti
       still.rate[i] = 0.1 * random();
     }
     away.x = to_coordinates<K>(moved<K>(to_pose<K>(robot.home), step));
-    Extended q_e{};
-    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    Extended q_e = readings_at<K>(robot, robot.home);
     ControlState state;
     const auto pushes_alone = [&](const Setpoint& setpoint) {
       CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
@@ -220,8 +212,7 @@ TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in moti
 TEST_EACH(for_each, "a desired rate too large for a double fails its own cycle and no later one") {
   const Robot& robot = mechanism.robot;
   Prior prior(robot);
-  Extended q_e{};
-  CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+  Extended q_e = readings_at<K>(robot, robot.home);
   for (const Law law : kLaws) {
     ControlSettings settings = settings_for(robot, law);
     settings.feed_forward = FeedForward::none;
@@ -257,9 +248,8 @@ TEST_EACH(for_each,
       setpoint.rate[i] = 0.3 * random();
       setpoint.acceleration[i] = random();
     }
-    Extended q_e{};
     const Pose pose = to_pose<K>(setpoint.x);
-    CHECK(extended<K>(robot, pose, q_e));
+    Extended q_e = readings_at<K>(robot, pose);
     Joint asked{};
     for (int i = 0; i < n; ++i) {
       const double error = 1e-3 * random();

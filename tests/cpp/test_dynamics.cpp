@@ -1,19 +1,19 @@
 // Equations of motion. Power, energy, symmetry, order of accuracy.
 #include "energy.hpp"
-#include "mechanisms.hpp"
+#include "rotational.hpp"
 #include "truepose/model/geometry.hpp"
 #include "truepose/offline/plant.hpp"
 
-using namespace mechanisms;
+using namespace pivots_tested;
 
 namespace {
 
 /// A state inside the workspace: pose, free twist of about 0.5 m/s and 2 rad/s.
 template <Mobility K>
 PlantState random_state(const Mechanism& mechanism, check::Random& random) {
-  PlantState state{to_pose<K>(random_pose(mechanism, random)), {}};
+  PlantState state{to_pose<K>(random_pose(mechanism, random, kReach<K>)), {}};
   for (int i = 0; i < kDof<K>; ++i)
-    state.rate[i] = (Freedom<K>::columns[i] < 3 ? 0.5 : 2) * random();
+    state.rate[i] = (!kRotational<K> && i < kPositions<K> ? 0.5 : 2) * random();
   return state;
 }
 
@@ -68,7 +68,7 @@ TEST_EACH(for_each, "the mass matrix is symmetric and positive definite") {
   }
 }
 
-TEST_EACH(for_each, "the torques of an acceleration give that acceleration, friction included") {
+TEST_EACH(for_every, "the torques of an acceleration give that acceleration, friction included") {
   Robot robot = mechanism.robot;
   for (int i = 0; i < n; ++i) {
     robot.chain[i].viscous = 0.1 + 0.02 * i;
@@ -80,10 +80,14 @@ TEST_EACH(for_each, "the torques of an acceleration give that acceleration, fric
     const Joint wanted = random_joint(random, 20);
     Jacobians<K> jacobians;
     const auto model = model_at<K>(robot, state, jacobians);
-    Joint torque = inverse_dynamics<K>(model, jacobians.J, wanted), acceleration{};
+    Joint torque = inverse_dynamics<K>(model, jacobians.J, wanted), acceleration{}, whole{};
     for (int i = 0; i < n; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
     CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
-    for (int i = 0; i < n; ++i) CHECK_NEAR(acceleration[i], wanted[i], 1e-10);
+    CHECK(inverse_dynamics<K>(robot, state.pose, state.rate, wanted, whole));
+    for (int i = 0; i < n; ++i) {
+      CHECK_NEAR(acceleration[i], wanted[i], 1e-10);
+      CHECK_NEAR(whole[i], torque[i], 1e-10);
+    }
   }
 }
 
@@ -115,7 +119,7 @@ TEST_EACH(for_each,
   }
 }
 
-TEST_EACH(for_each, "energy grows at the power of the motors' torques") {
+TEST_EACH(for_every, "energy grows at the power of the motors' torques") {
   const Robot& robot = mechanism.robot;
   check::Random random(54);
   for (int k = 0; k < 200; ++k) {

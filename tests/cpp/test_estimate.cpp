@@ -62,106 +62,87 @@ Dense<K> dense(const Scene& scene, const Pose& pose) {
   return result;
 }
 
-/// Calls f(scene, mobility, model) for every mechanism at its levels.
-template <class F>
-void for_each_model(F&& f) {
-  check::Random random(5);
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    Scene scene(mechanism, random);
-    f(mechanism, scene, mobility, IdealModel{}, random);
-    if constexpr (kPaired<mobility()>)
-      if (scene.robot.full.kind == FullKind::exists)
-        f(mechanism, scene, mobility, FullModel{}, random);
-  });
-}
-
 }  // namespace
 
-TEST("fuse is generalised least squares: gain and covariance against dense algebra") {
-  for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
-                    auto& random) {
-    constexpr Mobility K = mobility();
-    using Model = decltype(model);
-    const Robot& robot = scene.robot;
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    const Dense<K> at = dense<K, Model>(scene, pose);
-    const Eigen::MatrixXd weights = reference::inverse(at.C);
-    const Eigen::MatrixXd P = reference::inverse(at.H.transpose() * weights * at.H);
-    const Eigen::MatrixXd gain = P * at.H.transpose() * weights;
+TEST_MODELS("fuse is generalised least squares: gain and covariance against dense algebra") {
+  check::Random random(5);
+  Scene scene(mechanism, random);
+  const Robot& robot = scene.robot;
+  const Pose pose = to_pose<K>(random_pose(mechanism, random));
+  const Dense<K> at = dense<K, Model>(scene, pose);
+  const Eigen::MatrixXd weights = reference::inverse(at.C);
+  const Eigen::MatrixXd P = reference::inverse(at.H.transpose() * weights * at.H);
+  const Eigen::MatrixXd gain = P * at.H.transpose() * weights;
 
-    Extended q_e;
-    Matrix<kMaxReadings, kDof<K>> H_x;
-    ReadingCovariance C;
-    Fusion<K> fusion;
-    const int rows = kDof<K> + robot.r;
-    Parasitic rest;
-    CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, scene.work.data(), rest));
-    CHECK(reading_covariance(robot, scene.known, scene.work.data(),
-                             scene.work.data() + rows * parameter_count(robot), C));
-    CHECK(fuse<K>(robot, scene.known, C, H_x, fusion));
-    for (int i = 0; i < kDof<K>; ++i) {
-      for (int j = 0; j < kDof<K>; ++j)
-        CHECK_NEAR(fusion.covariance[i][j], P(i, j), 1e-7 * std::sqrt(P(i, i) * P(j, j)));
-      for (int c = 0; c < rows; ++c)
-        CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
-    }
-    PoseError error;
-    CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {}, scene.work, error)));
-    const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
-    CHECK((sum - P).norm() < 1e-7 * P.norm());
-    // Two influences, in the place of the last two parameters, act as these do.
-    RowMatrix pattern(rows, 2);
+  Extended q_e;
+  Matrix<kMaxReadings, n> H_x;
+  ReadingCovariance C;
+  Fusion<K> fusion;
+  const int rows = n + robot.r;
+  Parasitic rest;
+  CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, scene.work.data(), rest));
+  CHECK(reading_covariance(robot, scene.known, scene.work.data(),
+                           scene.work.data() + rows * parameter_count(robot), C));
+  CHECK(fuse<K>(robot, scene.known, C, H_x, fusion));
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j)
+      CHECK_NEAR(fusion.covariance[i][j], P(i, j), 1e-7 * std::sqrt(P(i, i) * P(j, j)));
     for (int c = 0; c < rows; ++c)
-      for (int j = 0; j < 2; ++j)
-        pattern(c, j) =
-            scene.work[c * parameter_count(robot) + scene.known.column[scene.known.count - 2 + j]];
-    PoseError same;
-    CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {2, pattern.data()},
-                          scene.work, same)));
-    CHECK((same.by_geometry - error.by_geometry).norm() < 1e-12 * error.by_geometry.norm());
-  });
+      CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
+  }
+  PoseError error;
+  CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {}, scene.work, error)));
+  const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
+  CHECK((sum - P).norm() < 1e-7 * P.norm());
+  // Two influences, in the place of the last two parameters, act as these do.
+  RowMatrix pattern(rows, 2);
+  for (int c = 0; c < rows; ++c)
+    for (int j = 0; j < 2; ++j)
+      pattern(c, j) =
+          scene.work[c * parameter_count(robot) + scene.known.column[scene.known.count - 2 + j]];
+  PoseError same;
+  CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {2, pattern.data()},
+                        scene.work, same)));
+  CHECK((same.by_geometry - error.by_geometry).norm() < 1e-12 * error.by_geometry.norm());
 }
 
-TEST("the estimate leaves no residual that a step could lower, and knows the pose it came from") {
-  for_each_model(
-      [](const Mechanism& mechanism, Scene& scene, auto mobility, auto model, auto& random) {
-        constexpr Mobility K = mobility();
-        using Model = decltype(model);
-        const Robot& robot = scene.robot;
-        for (int k = 0; k < 20; ++k) {
-          const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
-          Parasitic rest;
-          Extended q_e, expected;
-          Matrix<kMaxReadings, kDof<K>> H_x;
-          CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, nullptr, rest));
-          Pose found = nearby<K>(pose, random, 1e-3);
-          Estimate<K> exact = estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
-          CHECK(exact);
-          CHECK(distance<K>(found, pose) < 1e-9);
-          CHECK(exact.chi2 < 1e-9);
+TEST_MODELS(
+    "the estimate leaves no residual that a step could lower, and knows the pose it came from") {
+  check::Random random(5);
+  Scene scene(mechanism, random);
+  const Robot& robot = scene.robot;
+  for (int k = 0; k < 20; ++k) {
+    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+    Parasitic rest;
+    Extended q_e, expected;
+    Matrix<kMaxReadings, n> H_x;
+    CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, nullptr, rest));
+    Pose found = nearby<K>(pose, random, 1e-3);
+    Estimate<K> exact = estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
+    CHECK(exact);
+    CHECK(distance<K>(found, pose) < 1e-9);
+    CHECK(exact.chi2 < 1e-9);
 
-          // Readings that no pose explains: HᵀC⁻¹(q_e - h(x̂)) = 0, C as taken where the motors say.
-          for (int c = 0; c < kDof<K> + robot.r; ++c) q_e[c] += 3e-4 * random();
-          Joint q{};
-          std::copy_n(q_e.begin(), kDof<K>, q.begin());
-          Pose motors = pose;
-          CHECK(Model::template fkm<K>(robot, q, motors, rest) == Status::ok);
-          found = nearby<K>(pose, random, 1e-3);
-          const Estimate<K> best =
-              estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
-          CHECK(best);
-          const Eigen::MatrixXd weights = reference::inverse(dense<K, Model>(scene, motors).C);
-          const Eigen::MatrixXd H = dense<K, Model>(scene, found).H;
-          CHECK(Model::template linearise<K>(robot, found, expected, H_x, nullptr, rest));
-          Eigen::VectorXd residual(kDof<K> + robot.r);
-          for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
-          const Eigen::MatrixXd normal = H.transpose() * weights * H;
-          const Eigen::VectorXd step = reference::solve(normal, H.transpose() * weights * residual);
-          for (int i = 0; i < kDof<K>; ++i)  // in units of σ
-            CHECK(std::fabs(step[i]) < 1e-6 * std::sqrt(best.covariance[i][i]));
-          CHECK_NEAR(best.chi2, residual.dot(weights * residual), 1e-6 * (1 + best.chi2));
-        }
-      });
+    // Readings that no pose explains: HᵀC⁻¹(q_e - h(x̂)) = 0, C as taken where the motors say.
+    for (int c = 0; c < n + robot.r; ++c) q_e[c] += 3e-4 * random();
+    Joint q{};
+    std::copy_n(q_e.begin(), n, q.begin());
+    Pose motors = pose;
+    CHECK(Model::template fkm<K>(robot, q, motors, rest) == Status::ok);
+    found = nearby<K>(pose, random, 1e-3);
+    const Estimate<K> best = estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
+    CHECK(best);
+    const Eigen::MatrixXd weights = reference::inverse(dense<K, Model>(scene, motors).C);
+    const Eigen::MatrixXd H = dense<K, Model>(scene, found).H;
+    CHECK(Model::template linearise<K>(robot, found, expected, H_x, nullptr, rest));
+    Eigen::VectorXd residual(n + robot.r);
+    for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
+    const Eigen::MatrixXd normal = H.transpose() * weights * H;
+    const Eigen::VectorXd step = reference::solve(normal, H.transpose() * weights * residual);
+    for (int i = 0; i < n; ++i)  // in units of σ
+      CHECK(std::fabs(step[i]) < 1e-6 * std::sqrt(best.covariance[i][i]));
+    CHECK_NEAR(best.chi2, residual.dot(weights * residual), 1e-6 * (1 + best.chi2));
+  }
 }
 
 TEST("elimination keeps the squares, and leaves rows below that no pose moves") {
@@ -224,42 +205,40 @@ TEST("times_root is a product with a lower triangle, whatever is above it") {
   }
 }
 
-TEST("a visit leaves the posterior of all its rows at once, those of known poses among them") {
-  for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
-                    auto& random) {
-    constexpr Mobility K = mobility();
-    using Model = decltype(model);
-    std::vector<Visit> visits(15);
-    for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
-    Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
-    sigma.fill(1e-4);
-    at_last[0] = NAN;  // all coordinates but one
-    visits.back().outside = {at_last.data(), sigma.data()};
-    const int p = scene.known.count;
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-    for (const Visit& visit : visits) {
-      Dense<K> at = dense<K, Model>(scene, visit.pose);
-      for (int i = 0; i < at.H.rows(); ++i) {
-        at.H.row(i) /= scene.known.sigma[i];
-        at.B.row(i) /= scene.known.sigma[i];
-      }
-      if (visit.outside.x) {
-        const long rows = at.H.rows(), n = kDof<K>;
-        at.H.conservativeResize(rows + n - 1, n);
-        at.B.conservativeResize(rows + n - 1, p);
-        at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
-        at.B.bottomRows(n - 1).setZero();
-      }
-      const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
-      information += rest.transpose() * rest;
+TEST_MODELS(
+    "a visit leaves the posterior of all its rows at once, those of known poses among them") {
+  check::Random random(5);
+  Scene scene(mechanism, random);
+  std::vector<Visit> visits(15);
+  for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
+  Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
+  sigma.fill(1e-4);
+  at_last[0] = NAN;  // all coordinates but one
+  visits.back().outside = {at_last.data(), sigma.data()};
+  const int p = scene.known.count;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
+  for (const Visit& visit : visits) {
+    Dense<K> at = dense<K, Model>(scene, visit.pose);
+    for (int i = 0; i < at.H.rows(); ++i) {
+      at.H.row(i) /= scene.known.sigma[i];
+      at.B.row(i) /= scene.known.sigma[i];
     }
-    RowMatrix root;
-    CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, {}, root)));
-    const Eigen::MatrixXd expected =
-        scene.root * reference::inverse(information) * scene.root.transpose();
-    CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
-    CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
-  });
+    if (visit.outside.x) {
+      const long rows = at.H.rows();
+      at.H.conservativeResize(rows + n - 1, n);
+      at.B.conservativeResize(rows + n - 1, p);
+      at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
+      at.B.bottomRows(n - 1).setZero();
+    }
+    const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
+    information += rest.transpose() * rest;
+  }
+  RowMatrix root;
+  CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, {}, root)));
+  const Eigen::MatrixXd expected =
+      scene.root * reference::inverse(information) * scene.root.transpose();
+  CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
+  CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
 }
 
 TEST_EACH(for_each, "an estimate that cannot be leaves the guess, and says why") {

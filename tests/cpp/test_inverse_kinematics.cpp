@@ -149,7 +149,7 @@ TEST_EACH(for_each, "a machine's targets are in its own assembly mode") {
   if (full) CHECK(command_full(robot, robot.home, same).status == Status::branch_lost);
   robot = mechanism.robot;
   if (full || robot.full.own()) CHECK(command_full(robot, robot.home, same));  // elastic, too
-  robot.chain[0].low = 99;                                                     // no upper stop
+  robot.chain[0].low = 99;
   static_cast<void>(finish(robot));
   CHECK(command(robot, robot.home, same).status == Status::joint_limit);
 }

@@ -1,9 +1,9 @@
 // Jacobians against finite differences, in the tangent space.
-#include "mechanisms.hpp"
+#include "rotational.hpp"
 #include "truepose/kinematics/damping.hpp"
 #include "truepose/sensors/rkm.hpp"
 
-using namespace mechanisms;
+using namespace pivots_tested;
 
 namespace {
 
@@ -51,10 +51,10 @@ TEST_EACH(for_each,
   }
 }
 
-TEST_EACH(for_each, "J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
+TEST_EACH(for_every, "J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
   check::Random random(33);
   for (int k = 0; k < 50; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    const Pose pose = to_pose<K>(random_pose(mechanism, random, kReach<K>));
     Closure<K> closure;
     Jacobians<K> jacobians;
     CHECK(ikm<K>(mechanism.robot, pose, closure));

@@ -44,6 +44,12 @@ class Scene {
       q_e[c] += std::sqrt(3) * learner_.state.sigma[c] * random_();
     return q_e;
   }
+  /// Learns from one row at a random pose.
+  template <Mobility K, class Model>
+  Outcome row(const Mechanism& mechanism) {
+    return calibrate_online<K, Model>(learner_,
+                                      read<K, Model>(random_pose(mechanism, random_, 0.5)));
+  }
   Eigen::VectorXd mean() const {
     Eigen::VectorXd mean(count());
     for (int k = 0; k < count(); ++k) mean(k) = learner_.state.xi[learner_.state.column[k]];
@@ -64,17 +70,6 @@ class Scene {
   OnlineCalibrator learner_;
   check::Random random_;
 };
-
-/// Calls f(mechanism, mobility, model) for every mechanism at its levels.
-template <class F>
-void for_each_level(F&& f) {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = decltype(mobility)::value;
-    f(mechanism, mobility, IdealModel{});
-    if constexpr (kPaired<K>)
-      if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, mobility, FullModel{});
-  });
-}
 
 }  // namespace
 
@@ -97,145 +92,117 @@ TEST("the equations of a line, one after another, say what they say together") {
   CHECK_NEAR(volume, reference::determinant(C), 1e-9 * volume);
 }
 
-TEST("one line is learnt as Kalman's formula has it, all of its equations together") {
-  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Model = decltype(model);
-    constexpr int n = kDof<K>;
-    Scene scene(mechanism, 11, 2, 0.01);  // so little that nothing is of second order
-    const int rows = n + scene.robot.r, p = scene.count();
-    const Eigen::VectorXd before = scene.mean();
-    const RowMatrix P = scene.covariance();
-    const Extended q_e = scene.read<K, Model>(mechanism.robot.home);
-    // About a ξ of linearisation, so that nothing counts as curvature.
-    std::vector<double> about(parameter_count(scene.robot));
-    CHECK(drawn_parameters(scene.robot, about.data()));
-    scene.learner().settings.linearised = about.data();
-    OnlineCalibrator& learner = scene.learner();
-    CHECK((observe<K, Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
-                             learner.pose, learner.work)));
+TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations together") {
+  Scene scene(mechanism, 11, 2, 0.01);  // so little that nothing is of second order
+  const int rows = n + scene.robot.r, p = scene.count();
+  const Eigen::VectorXd before = scene.mean();
+  const RowMatrix P = scene.covariance();
+  const Extended q_e = scene.read<K, Model>(mechanism.robot.home);
+  // About a ξ of linearisation, so that nothing counts as curvature.
+  std::vector<double> about(parameter_count(scene.robot));
+  CHECK(drawn_parameters(scene.robot, about.data()));
+  scene.learner().settings.linearised = about.data();
+  OnlineCalibrator& learner = scene.learner();
+  CHECK((observe<K, Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
+                           learner.pose, learner.work)));
 
-    // Densely: x unknown with a flat prior. Linearised at x̂ less the last small step.
-    Pose pose = learner.pose;
-    Extended expected, residual;
-    Matrix<kMaxReadings, n> H_x;
-    RowMatrix H_xi(rows, parameter_count(scene.robot));
-    Parasitic rest;
-    CHECK(Model::template linearise<K>(learner.robot, pose, expected, H_x, H_xi.data(), rest));
-    innovation(learner.robot, q_e, expected, residual);
-    Eigen::MatrixXd A(rows, n), B(rows, p);
-    Eigen::VectorXd e(rows);
-    for (int c = 0; c < rows; ++c) {
-      const double sigma = scene.state().sigma[c];
-      e(c) = residual[c] / sigma;
-      for (int j = 0; j < n; ++j) A(c, j) = H_x[c][j] / sigma;
-      for (int k = 0; k < p; ++k) B(c, k) = H_xi(c, scene.state().column[k]) / sigma;
-    }
-    const Eigen::MatrixXd N = reference::complement(A);
-    const Eigen::MatrixXd h = N * B;
-    const Eigen::MatrixXd C = h * P * h.transpose() + Eigen::MatrixXd::Identity(rows - n, rows - n);
-    const Eigen::MatrixXd gain = P * h.transpose() * reference::inverse(C);
-    const Eigen::VectorXd step = gain * (N * e), learnt = scene.mean() - before;
-    const RowMatrix posterior = P - gain * h * P;
-    const RowMatrix found = scene.covariance();
-    double furthest = 0;
-    for (int k = 0; k < p; ++k)
-      furthest = std::max(furthest, std::fabs(step(k)) / std::sqrt(P(k, k)));
-    for (int k = 0; k < p; ++k) {
-      CHECK_NEAR(learnt(k), step(k), 0.01 * furthest * std::sqrt(P(k, k)));
-      CHECK_NEAR(found(k, k), posterior(k, k), 1e-3 * P(k, k));
-    }
-  });
+  // Densely: x unknown with a flat prior. Linearised at x̂ less the last small step.
+  Pose pose = learner.pose;
+  Extended expected, residual;
+  Matrix<kMaxReadings, n> H_x;
+  RowMatrix H_xi(rows, parameter_count(scene.robot));
+  Parasitic rest;
+  CHECK(Model::template linearise<K>(learner.robot, pose, expected, H_x, H_xi.data(), rest));
+  innovation(learner.robot, q_e, expected, residual);
+  Eigen::MatrixXd A(rows, n), B(rows, p);
+  Eigen::VectorXd e(rows);
+  for (int c = 0; c < rows; ++c) {
+    const double sigma = scene.state().sigma[c];
+    e(c) = residual[c] / sigma;
+    for (int j = 0; j < n; ++j) A(c, j) = H_x[c][j] / sigma;
+    for (int k = 0; k < p; ++k) B(c, k) = H_xi(c, scene.state().column[k]) / sigma;
+  }
+  const Eigen::MatrixXd N = reference::complement(A);
+  const Eigen::MatrixXd h = N * B;
+  const Eigen::MatrixXd C = h * P * h.transpose() + Eigen::MatrixXd::Identity(rows - n, rows - n);
+  const Eigen::MatrixXd gain = P * h.transpose() * reference::inverse(C);
+  const Eigen::VectorXd step = gain * (N * e), learnt = scene.mean() - before;
+  const RowMatrix posterior = P - gain * h * P;
+  const RowMatrix found = scene.covariance();
+  double furthest = 0;
+  for (int k = 0; k < p; ++k)
+    furthest = std::max(furthest, std::fabs(step(k)) / std::sqrt(P(k, k)));
+  for (int k = 0; k < p; ++k) {
+    CHECK_NEAR(learnt(k), step(k), 0.01 * furthest * std::sqrt(P(k, k)));
+    CHECK_NEAR(found(k, k), posterior(k, k), 1e-3 * P(k, k));
+  }
 }
 
-TEST("a robot that differs within its tolerances passes the gate from its first line on") {
-  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
-    constexpr Mobility K = decltype(mobility)::value;
-    Scene scene(mechanism, 12);
-    for (long k = 0; k < check::sample_size(200); ++k)
-      CHECK((calibrate_online<K, decltype(model)>(
-                 scene.learner(),
-                 scene.read<K, decltype(model)>(random_pose(mechanism, scene.random(), 0.5)))
-                 .status == Status::ok));
-  });
+TEST_MODELS("a robot that differs within its tolerances passes the gate from its first line on") {
+  Scene scene(mechanism, 12);
+  for (long k = 0; k < check::sample_size(200); ++k)
+    CHECK((scene.row<K, Model>(mechanism).status == Status::ok));
 }
 
-TEST("where one reading alone is wrong, the others teach what they teach without it") {
-  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Model = decltype(model);
-    constexpr int n = kDof<K>;
-    const auto taught = [&](bool wrong) {
-      Scene scene(mechanism, 13);
-      for (int k = 0; k < 60; ++k)
-        CHECK((calibrate_online<K, Model>(
-            scene.learner(), scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
-      Extended q_e = scene.read<K, Model>(mechanism.robot.home);
-      const std::vector<double> about(scene.state().xi,
-                                      scene.state().xi + parameter_count(scene.robot));
-      scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
-      if (wrong) q_e[n + 1] += 1e3 * scene.state().sigma[n + 1];
-      if (!wrong) scene.state().sigma[n + 1] *= 1e7;
-      const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
-      CHECK(outcome.status == (wrong ? Status::disagree : Status::ok));
-      CHECK(outcome.chain == (wrong ? n + 1 : -1));
-      return scene.mean();
-    };
-    const Eigen::VectorXd alone = taught(true), without = taught(false);
-    CHECK((alone - without).cwiseAbs().maxCoeff() < 1e-8);
-  });
-}
-
-TEST("a line that nothing explains teaches nothing") {
-  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Model = decltype(model);
-    Scene scene(mechanism, 14, 1);
-    for (int k = 0; k < 60; ++k)
-      CHECK((calibrate_online<K, Model>(
-          scene.learner(), scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
-    const Eigen::VectorXd mean = scene.mean();
-    const RowMatrix P = scene.covariance();
+TEST_MODELS("where one reading alone is wrong, the others teach what they teach without it") {
+  const auto taught = [&](bool wrong) {
+    Scene scene(mechanism, 13);
+    for (int k = 0; k < 60; ++k) CHECK((scene.row<K, Model>(mechanism)));
     Extended q_e = scene.read<K, Model>(mechanism.robot.home);
-    q_e[kDof<K>] += 1000 * scene.state().sigma[kDof<K>];
+    const std::vector<double> about(scene.state().xi,
+                                    scene.state().xi + parameter_count(scene.robot));
+    scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
+    if (wrong) q_e[n + 1] += 1e3 * scene.state().sigma[n + 1];
+    if (!wrong) scene.state().sigma[n + 1] *= 1e7;
     const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
-    CHECK(outcome.status == Status::disagree && outcome.chain == -1);
-    CHECK(scene.mean() == mean && scene.covariance() == P);
-    for (int cycle = 0; cycle < 100; ++cycle)
-      CHECK((calibrate_online<K, Model>(scene.learner(), q_e)));
-    CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
-  });
+    CHECK(outcome.status == (wrong ? Status::disagree : Status::ok));
+    CHECK(outcome.chain == (wrong ? n + 1 : -1));
+    return scene.mean();
+  };
+  const Eigen::VectorXd alone = taught(true), without = taught(false);
+  CHECK((alone - without).cwiseAbs().maxCoeff() < 1e-8);
 }
 
-TEST("readings that keep disagreeing stop it within ten lines, at what was last good") {
-  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Model = decltype(model);
-    Scene scene(mechanism, 15);
-    const auto line = [&] {
-      return scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5));
-    };
-    std::vector<Eigen::VectorXd> means;
-    for (int k = 0; k < 60; ++k) {
-      CHECK((calibrate_online<K, Model>(scene.learner(), line())));
-      means.push_back(scene.mean());
-    }
-    int lines = 0;
-    Status status = Status::ok;
-    for (; lines < 20 && status != Status::stopped; ++lines) {
-      Extended q_e = line();
-      q_e[kDof<K> + 1] += 1000 * scene.state().sigma[kDof<K> + 1];
-      status = calibrate_online<K, Model>(scene.learner(), q_e).status;
-    }
-    CHECK(status == Status::stopped && lines <= 10);
-    CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == kDof<K> + 1);
-    const Eigen::VectorXd kept = scene.mean();
-    bool earlier = false;
-    for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
-    CHECK(earlier);
-    CHECK((calibrate_online<K, Model>(scene.learner(), line()).status == Status::stopped));
-    CHECK(scene.mean() == kept);
-  });
+TEST_MODELS("a line that nothing explains teaches nothing") {
+  Scene scene(mechanism, 14, 1);
+  for (int k = 0; k < 60; ++k) CHECK((scene.row<K, Model>(mechanism)));
+  const Eigen::VectorXd mean = scene.mean();
+  const RowMatrix P = scene.covariance();
+  Extended q_e = scene.read<K, Model>(mechanism.robot.home);
+  q_e[n] += 1000 * scene.state().sigma[n];
+  const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
+  CHECK(outcome.status == Status::disagree && outcome.chain == -1);
+  CHECK(scene.mean() == mean && scene.covariance() == P);
+  for (int cycle = 0; cycle < 100; ++cycle)
+    CHECK((calibrate_online<K, Model>(scene.learner(), q_e)));
+  CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
+}
+
+TEST_MODELS("readings that keep disagreeing stop it within ten lines, at what was last good") {
+  Scene scene(mechanism, 15);
+  const auto line = [&] {
+    return scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5));
+  };
+  std::vector<Eigen::VectorXd> means;
+  for (int k = 0; k < 60; ++k) {
+    CHECK((calibrate_online<K, Model>(scene.learner(), line())));
+    means.push_back(scene.mean());
+  }
+  int lines = 0;
+  Status status = Status::ok;
+  for (; lines < 20 && status != Status::stopped; ++lines) {
+    Extended q_e = line();
+    q_e[n + 1] += 1000 * scene.state().sigma[n + 1];
+    status = calibrate_online<K, Model>(scene.learner(), q_e).status;
+  }
+  CHECK(status == Status::stopped && lines <= 10);
+  CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == n + 1);
+  const Eigen::VectorXd kept = scene.mean();
+  bool earlier = false;
+  for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
+  CHECK(earlier);
+  CHECK((calibrate_online<K, Model>(scene.learner(), line()).status == Status::stopped));
+  CHECK(scene.mean() == kept);
 }
 
 TEST("random walks take their turns, and all that each would have walked meanwhile") {

@@ -1,10 +1,16 @@
-// Allocations in the control path. A hook on the allocator counts over a million cycles.
+// A control path that neither allocates nor blocks. Two builds watch the same loops.
 //
+// test_realtime counts allocations by a hook on the allocator, over a million control cycles.
 // Outside sanitizers the executable brings its own malloc family, which also serves operator new.
 // AddressSanitizer owns those symbols and offers its own hook instead; it sees the same calls.
+//
+// test_nonblocking (preset `realtime`) is clang's: RealtimeSanitizer watches the loops run, and
+// -Wfunction-effects, there an error, proves the same when compiling. clang infers the effects of
+// inline functions it can see: the attribute on the loop covers all that a step calls.
 #include <cstdlib>
 
-#include "mechanisms.hpp"
+#include "controllers.hpp"
+#include "truepose/control/command.hpp"
 #include "truepose/control/safe_control.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/full/linearise.hpp"
@@ -15,7 +21,15 @@ namespace {
 volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable
 }
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(TRUEPOSE_NONBLOCKING) || defined(__SANITIZE_ADDRESS__)
+constexpr long kCycles = 100000;
+#else
+constexpr long kCycles = 1000000;
+#endif
+
+#if defined(TRUEPOSE_NONBLOCKING)
+#define NONBLOCKING [[clang::nonblocking]]
+#elif defined(__SANITIZE_ADDRESS__)
 extern "C" int __sanitizer_install_malloc_and_free_hooks(  // gcc does not ship its header
     void (*on_malloc)(const volatile void*, std::size_t), void (*on_free)(const volatile void*));
 static const int hook = __sanitizer_install_malloc_and_free_hooks(
@@ -49,9 +63,81 @@ int posix_memalign(void** result, std::size_t alignment, std::size_t size) {
 }
 }
 #endif
+#if !defined(NONBLOCKING)
+#define NONBLOCKING
+#endif
 
 using namespace mechanisms;
 
+namespace {
+
+struct Cycle {
+  Setpoint setpoint;
+  Extended q_e;  ///< of a robot beside the setpoint
+  Joint any;     ///< motors that mostly no pose has
+};
+
+/// A robot with two sensors, what is known of it, and cycles in a part of its box.
+template <Mobility K>
+struct Scene {
+  explicit Scene(const Mechanism& mechanism, double part = 1, Level level = Level::ideal)
+      : robot(sensed(mechanism.robot, level)), prior(robot) {
+    check::Random random(71);
+    for (Cycle& cycle : cycles) {
+      cycle.setpoint.x = random_pose(mechanism, random, part);
+      cycle.setpoint.rate = random_joint(random, 0.5);
+      cycle.setpoint.acceleration = random_joint(random, 5);
+      cycle.any = random_joint(random, 3);
+      Parasitic rest;
+      const Pose beside = nearby<K>(to_pose<K>(cycle.setpoint.x), random, 1e-3 * part);
+      CHECK(exact_readings<K>(robot, beside, cycle.q_e, rest));
+    }
+  }
+  static Robot sensed(Robot robot, Level level) {
+    robot.r = 2;
+    robot.level = level;
+    for (Chain& chain : robot.chain) chain.torque_limit = 100;
+    return robot;
+  }
+  const Cycle& at(long k) const { return cycles[static_cast<std::size_t>(k) % cycles.size()]; }
+
+  Robot robot;
+  Prior prior;
+  std::array<Cycle, 500> cycles;
+};
+
+template <class Step>
+long looped(long count, const Step& step) noexcept NONBLOCKING {
+  long times = 0;
+  for (long k = 0; k < count; ++k) times += step(k);
+  return times;
+}
+
+/// Runs step(0) to step(count - 1) in a watched loop. @return how many of them returned true
+template <class Step>
+long watched(long count, const Step& step) {
+  const long before = allocations, times = looped(count, step);
+  CHECK(allocations == before);
+  return times;
+}
+
+}  // namespace
+
+#if defined(TRUEPOSE_NONBLOCKING)
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wfunction-effects"
+/// What the sanitizer must stop: shows that it watches at all.
+void* allocate_in_real_time(std::size_t size) noexcept NONBLOCKING { return std::malloc(size); }
+#pragma clang diagnostic pop
+
+// Runs only when asked for: ctest expects the sanitizer to end the process.
+TEST("[allocates] the sanitizer stops an allocation") {
+  void* volatile block = nullptr;
+  if (std::getenv("TRUEPOSE_ALLOCATE") != nullptr) block = allocate_in_real_time(100);
+  CHECK(block == nullptr);
+  std::free(block);
+}
+#else
 TEST("the hook sees every way to allocate") {
   void* volatile kept = nullptr;  // volatile: the compiler may not leave the allocation out
   const auto counted = [&](auto allocate) {
@@ -74,252 +160,163 @@ TEST("the hook sees every way to allocate") {
   CHECK(allocations > before);
   delete[] block;
 }
-
-TEST("no law allocates in a million cycles with full feed-forward, and neither does the FKM") {
-#if defined(__SANITIZE_ADDRESS__)
-  const long cycles = check::sample_size(100000);
-#else
-  const long cycles = check::sample_size(1000000);
 #endif
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    Prior prior(robot);
+
+TEST_EACH(
+    for_each,
+    "no law allocates or blocks, in a million cycles with full feed-forward, nor rod by rod") {
+  // All of the cycles for the paper's robot, a tenth for each of the others.
+  const long many = check::sample_size(kCycles) / (K == Mobility::schoenflies ? 1 : 10);
+  for (const Level level : {Level::ideal, Level::full}) {
+    if (level == Level::full && !mechanism.robot.full.own()) continue;
+    const Scene<K> made(mechanism, 1, level);
+    Prior prior(made.robot);
     CachedGain kept;
     const Weighing fresh = prior.weighing(), keeps{fresh.known, fresh.work, &kept};
-    // All of the cycles for the paper's robot, a tenth for each of the others.
-    const long count = robot.mobility == Mobility::schoenflies ? cycles : cycles / 10;
-    check::Random random(71);
-    std::vector<Setpoint> setpoints(100);
-    std::vector<Extended> readings(setpoints.size());
-    for (std::size_t k = 0; k < setpoints.size(); ++k) {
-      setpoints[k].x = random_pose(mechanism, random);
-      setpoints[k].rate = random_joint(random, 0.5);
-      setpoints[k].acceleration = random_joint(random, 5);
-      CHECK(extended<K>(robot, nearby<K>(to_pose<K>(setpoints[k].x), random, 1e-3), readings[k]));
-    }
+    const long count = level == Level::full ? 200 : many;
     for (const Law law : kLaws) {
-      ControlSettings settings;
-      settings.law = law;
-      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      const ControlSettings settings = settings_for(made.robot, law);
       ControlState state;
-      long failures = 0;
-      const long before = allocations;
-      for (long cycle = 0; cycle < count; ++cycle) {
-        const std::size_t k = cycle % setpoints.size();
-        // A pose twice, with weights of its own and with those that are kept.
-        const Weighing& weighing = cycle / 2 % 2 == 0 ? fresh : keeps;
-        if (!control(robot, settings, setpoints[k / 2], readings[k / 2], state, weighing))
-          ++failures;
-      }
-      CHECK(allocations == before);
-      CHECK(failures == 0);
+      CHECK(watched(count, [&](long k) {
+              // A pose twice, with weights of its own and with those that are kept.
+              const Weighing& weighing = k / 2 % 2 == 0 ? fresh : keeps;
+              const Cycle& at = made.at(k / 2);
+              if (k % 20 == 0) {
+                Extended wrong = at.q_e;
+                wrong[0] += 3;  // mostly fails
+                static_cast<void>(
+                    control(made.robot, settings, at.setpoint, wrong, state, weighing));
+              }
+              return bool(control(made.robot, settings, at.setpoint, at.q_e, state, weighing));
+            }) == count);
     }
-    long failures = 0;
-    const long before = allocations;
-    for (long cycle = 0; cycle < count / 10; ++cycle) {
-      const std::size_t k = cycle % setpoints.size();
-      Joint q{}, x = robot.home;
-      for (int i = 0; i < kDof<K>; ++i) q[i] = readings[k][i];
-      if (!fkm(robot, q, x)) ++failures;
-      if (k == 0 && fkm(robot, random_joint(random, 3), x)) x = robot.home;  // mostly fails
-    }
-    CHECK(allocations == before);
-    CHECK(failures == 0);
-  });
+  }
 }
 
-TEST("the full level allocates nothing, whether it finds an answer or not") {
-  for_each([&](const Mechanism& mechanism, auto) {
-    const Robot& robot = mechanism.robot;
-    const bool has_level = robot.full.kind != FullKind::overconstrained;
-    check::Random random(72);
-    Robot copy = robot;
-    long failures = 0;
-    const long before = allocations;
-    for (long k = 0; k < 300; ++k) {
-      const Joint x = random_pose(mechanism, random);
-      Joint q{}, back = robot.home;
-      Reading r;
-      JointMatrix J;
-      const bool ok = ikm_full(robot, x, q) && rkm_full(robot, x, r) &&
-                      jacobian_full(robot, x, J) && fkm_full(robot, q, back);
-      if (ok != has_level) ++failures;
-      static_cast<void>(fkm_full(robot, random_joint(random, 3), back));  // mostly fails
-      static_cast<void>(finish_full(copy));
-    }
-    CHECK(allocations == before);
-    CHECK(failures == 0);
-  });
+TEST_EACH(for_each, "no model does at either level, whether it finds an answer or not") {
+  const Scene<K> made(mechanism);
+  const Robot& robot = made.robot;
+  const bool full = robot.full.kind != FullKind::overconstrained;
+  Robot copy = robot;
+  const long count = kCycles / (K == Mobility::schoenflies ? 100 : 1000);
+  CHECK(watched(count, [&](long k) {
+          const Coordinates x = made.at(k).setpoint.x;
+          Joint q{}, back = robot.home;
+          Reading r{};
+          JointMatrix J;
+          ExtendedColumns M;
+          ExtendedRows M_plus;
+          const bool ideal = ikm(robot, x, q) && rkm(robot, x, r) && tej(robot, x, M, M_plus) &&
+                             command(robot, x, q) && fkm(robot, q, back);
+          static_cast<void>(fkm(robot, made.at(k).any, back));  // mostly fails
+          back = robot.home;
+          const bool rods = ikm_full(robot, x, q) && rkm_full(robot, x, r) &&
+                            jacobian_full(robot, x, J) && fkm_full(robot, q, back);
+          static_cast<void>(fkm_full(robot, made.at(k).any, back));
+          static_cast<void>(finish_full(copy));
+          return ideal && rods == full;
+        }) == count);
 }
 
-TEST("the estimate allocates nothing at either level, whether it finds a pose or not") {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    std::vector<int> column;
-    for (int i = 0; i < dof(robot.mobility); ++i)
-      for (int k = 0; k < 3; ++k) column.push_back(chain_column(i) + k);
-    const int p = static_cast<int>(column.size());
-    std::vector<double> root(p * p), work(estimate_work(robot, p));
-    for (int k = 0; k < p; ++k) root[k * p + k] = 3e-4;
-    Knowledge known{p, column.data(), root.data(), {}};
-    known.sigma.fill(1e-4);
-    check::Random random(73);
-    long failures = 0;
-    const long before = allocations;
-    for (long k = 0; k < 300; ++k) {
-      const Pose at = to_pose<K>(random_pose(mechanism, random));
-      Extended q_e;
-      if (!extended<K>(robot, at, q_e)) ++failures;
-      Pose pose = nearby<K>(at, random, 1e-3);
-      if (!estimate<K>(robot, known, q_e, pose, work.data())) ++failures;
-      if constexpr (kPaired<K>)
-        if (robot.full.kind == FullKind::exists &&
-            !estimate<K, FullModel>(robot, known, q_e, pose, work.data()))
-          ++failures;
-      q_e[0] += 3;  // mostly fails
-      static_cast<void>(estimate<K>(robot, known, q_e, pose, work.data()));
-    }
-    CHECK(allocations == before);
-    CHECK(failures == 0);
-  });
+TEST_EACH(for_each, "no estimate does at either level, whether it finds a pose or not") {
+  Scene<K> made(mechanism);
+  const Weighing by = made.prior.weighing();
+  const auto estimated = [&](const Extended& q_e, Pose pose) {
+    bool found = bool(estimate<K>(made.robot, *by.known, q_e, pose, by.work));
+    if constexpr (kPaired<K>)
+      if (made.robot.full.kind == FullKind::exists)
+        found = bool(estimate<K, FullModel>(made.robot, *by.known, q_e, pose, by.work)) && found;
+    return found;
+  };
+  CHECK(watched(300, [&](long k) {
+          Extended q_e = made.at(k).q_e;
+          const Pose near = to_pose<K>(made.at(k).setpoint.x);
+          const bool found = estimated(q_e, near);
+          q_e[0] += 3;
+          static_cast<void>(estimated(q_e, near));
+          return found;
+        }) == 300);
 }
 
-TEST("control allocates nothing where the robot is understood rod by rod, under every law") {
-  for (const Mechanism& mechanism : {h4(), par4(), delta()})
-    with_mobility(mechanism.robot.mobility, [&](auto mobility) {
-      constexpr Mobility K = mobility();
-      if constexpr (kPaired<K>) {
-        Robot robot = mechanism.robot;
-        robot.r = std::max(robot.r, 1);
-        robot.level = Level::full;
-        CHECK(robot.rod_by_rod());
-        Prior prior(robot);
-        check::Random random(75);
-        long failures = 0;
-        for (const Law law : kLaws) {
-          ControlSettings settings;
-          settings.law = law;
-          CHECK(place_poles(robot, robot.home, 150, 1, settings));
-          ControlState state;
-          const long before = allocations;
-          for (long k = 0; k < 200; ++k) {
-            Setpoint setpoint;
-            setpoint.x = random_pose(mechanism, random);
-            Extended q_e;
-            Parasitic rest;
-            if (!exact_readings<K>(robot, nearby<K>(to_pose<K>(setpoint.x), random, 1e-4), q_e,
-                                   rest) ||
-                !control<K>(robot, settings, setpoint, q_e, state, prior.weighing()))
-              ++failures;
-            q_e[0] += 3;  // mostly fails
-            static_cast<void>(control<K>(robot, settings, setpoint, q_e, state, prior.weighing()));
-          }
-          CHECK(allocations == before);
-        }
-        CHECK(failures == 0);
-      }
-    });
-}
-
-TEST("a fault-tolerant controller allocates nothing, whatever its readings do") {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    Prior prior(robot);
-    FaultTolerantSettings fault_settings;
-    fault_settings.monitor.fastest.fill(500);
-    fault_settings.monitor.moved.fill(2e-3);
-    prepare(fault_settings.monitor);
+TEST_EACH(for_each, "no fault-tolerant controller does, whatever its readings do") {
+  Scene<K> made(mechanism, 1e-3);
+  FaultTolerantSettings faults;
+  faults.monitor.fastest.fill(500);
+  faults.monitor.moved.fill(2e-3);
+  prepare(faults.monitor);
+  MultirateSettings slow;
+  slow.every.fill(3);
+  for (const bool is_slow : {false, true})
     for (const Law law : kLaws) {
-      ControlSettings settings;
-      settings.law = law;
-      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      const ControlSettings settings = settings_for(made.robot, law);
       ControlState state;
       FaultTolerantState fault_state;
-      check::Random random(76);
-      long faults = 0;
-      const long before = allocations;
-      for (long k = 0; k < 2000; ++k) {
-        Setpoint setpoint;
-        setpoint.x = random_pose(mechanism, random, 1e-3);
-        Extended q_e;
-        if (!extended<K>(robot, to_pose<K>(setpoint.x), q_e)) continue;
-        const int c = static_cast<int>(k / 50) % (kDof<K> + robot.r);
-        if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
-        if (k % 200 == 199) acknowledge(fault_state.monitor, c);
-        const Outcome outcome = control_fault_tolerant<K>(
-            robot, settings, fault_settings, setpoint, q_e, state, prior.weighing(), fault_state);
-        if (outcome.status == Status::disagree) ++faults;
-      }
-      CHECK(allocations == before);
-      CHECK(faults > 100);
+      PathClock clock;
+      Multirate late;
+      CHECK(start(slow, late));
+      CHECK(watched(2000, [&](long k) {
+              const int c = static_cast<int>(k / 50) % (n + made.robot.r);
+              Extended q_e = made.at(k).q_e;
+              if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
+              if (k % 200 == 199) acknowledge(fault_state.monitor, c);
+              clock.advance(settings.period, fault_state.stop);
+              late.arrived = arrivals(late.settings, late.cycle);
+              return control_fault_tolerant<K>(
+                         made.robot, settings, faults, clock.paced(made.at(k).setpoint), q_e, state,
+                         made.prior.weighing(), fault_state, is_slow ? &late : nullptr)
+                         .status == Status::disagree;
+            }) > 100);
     }
-  });
 }
 
-TEST("the safety shell allocates nothing, whatever stops it") {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    for (int i = 0; i < kDof<K>; ++i) robot.chain[i].torque_limit = 100;
-    Prior prior(robot);
-    ControlSettings settings;
-    CHECK(place_poles(robot, robot.home, 100, 1, settings));
-    SafetyLimits limits;
-    CHECK(default_limits(robot, settings, limits));
-    limits.standstill = 0.05;
-    Setpoint setpoint;
-    setpoint.x = robot.home;
-    Extended q_e{};
-    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+TEST_EACH(for_each, "no safety shell does, whatever stops it, with a fault monitor and without") {
+  Scene<K> made(mechanism, 0);
+  const ControlSettings settings = settings_for(made.robot, Law::joint);
+  SafetyLimits limits;
+  CHECK(default_limits(made.robot, settings, limits));
+  limits.standstill = 0.05;
+  FaultTolerantSettings faults;
+  prepare(faults.monitor);
+  for (const bool is_monitored : {false, true}) {
+    FaultTolerantState fault_state;
+    Monitored monitored;
+    if (is_monitored) monitored = {&faults, &fault_state, nullptr};
     ControlState state;
     SafetyShell shell;
-    long runs = 0, faults = 0;
-    const long before = allocations;
-    for (long k = 0; k < 3000; ++k) {
+    long stops = 0;
+    const long follows = watched(3000, [&](long k) {
       SafetyCycle cycle;
       cycle.request.acknowledge = k % 300 == 20;
       cycle.request.start = k % 300 == 21;
-      Extended read = q_e;
-      if (k % 300 > 100) read[0] = k % 600 > 300 ? NAN : 3;
-      static_cast<void>(control_safely<K>(robot, settings, limits, setpoint, read, state, shell,
-                                          cycle, prior.weighing()));
-      runs += shell.follows;
-      faults += shell.machine.state == SafetyState::fault;
-    }
-    CHECK(allocations == before);
-    CHECK(runs > 100 && faults > 100);
-  });
+      if (k % 300 == 20 && is_monitored) acknowledge(fault_state, -1);
+      Setpoint setpoint;
+      setpoint.x = made.robot.home;
+      Extended q_e = made.at(k).q_e;
+      if (k % 300 > 100) q_e[0] = k % 600 > 300 ? NAN : 3;
+      static_cast<void>(control_safely<K>(made.robot, settings, limits, setpoint, q_e, state, shell,
+                                          cycle, made.prior.weighing(), monitored));
+      stops += shell.machine.state == SafetyState::fault;
+      return shell.follows;
+    });
+    CHECK(is_monitored || follows > 100);
+    CHECK(stops > 100);
+  }
 }
 
-TEST("learning while it works, a controller allocates nothing, at either level") {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    for (const double gate : {0.0, kGate}) {
-      Prior prior(robot);
-      OnlineCalibrator learner = prior.learner(robot);
-      learner.settings.gate = gate;
-      check::Random random(74);
-      const long before = allocations;
-      for (long k = 0; k < 300; ++k) {
-        Extended q_e;
-        if (!extended<K>(robot, to_pose<K>(random_pose(mechanism, random)), q_e)) continue;
-        static_cast<void>(calibrate_online<K>(learner, q_e));
-        if constexpr (kPaired<K>)
-          if (robot.full.kind == FullKind::exists)
-            static_cast<void>(calibrate_online<K, FullModel>(learner, q_e));
-        q_e[0] += 3;  // mostly fails
-        static_cast<void>(calibrate_online<K>(learner, q_e));
-      }
-      CHECK(allocations == before);
-      CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);
-    }
-  });
+TEST_EACH(for_each, "no online calibrator does, at either level") {
+  Scene<K> made(mechanism);
+  for (const double gate : {0.0, kGate}) {
+    OnlineCalibrator learner = made.prior.learner(made.robot);
+    learner.settings.gate = gate;
+    watched(300, [&](long k) {
+      Extended q_e = made.at(k).q_e;
+      static_cast<void>(calibrate_online<K>(learner, q_e));
+      if constexpr (kPaired<K>)
+        if (made.robot.full.kind == FullKind::exists)
+          static_cast<void>(calibrate_online<K, FullModel>(learner, q_e));
+      q_e[0] += 3;  // mostly fails
+      return bool(calibrate_online<K>(learner, q_e));
+    });
+    CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);
+  }
 }

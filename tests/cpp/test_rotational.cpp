@@ -1,7 +1,5 @@
-// Rotational platforms. Kinematics, torques, H_ξ, dynamics.
-#include "energy.hpp"
+// Rotational platforms. Kinematics, gyroscopes, H_ξ.
 #include "rotational.hpp"
-#include "truepose/control/dynamics.hpp"
 #include "truepose/estimation/linearise.hpp"
 #include "truepose/kinematics/angles_of.hpp"
 #include "truepose/kinematics/fkm.hpp"
@@ -77,58 +75,30 @@ TEST_EACH(for_each_pivot,
   }
 }
 
-TEST_EACH(for_each_pivot,
-          "J maps rates as the inverse model's slopes do, and torques by its transpose") {
-  check::Random random(73);
-  for (int k = 0; k < 100; ++k) {
-    const Coordinates x = random_pose(mechanism, random, 0.6);
-    JointMatrix J{};
-    CHECK(jacobian(mechanism.robot, x, J));
+TEST_EACH(for_every, "a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(75);
+  for (int k = 0; k < 50; ++k) {
+    const Coordinates x = random_pose(mechanism, random);
+    const Pose pose = to_pose<K>(x);
+    const Mat3 R = placed<K>(robot, pose).R;
+    GyroRows W{};
+    CHECK(gyro(robot, x, W));
     for (int j = 0; j < n; ++j)
-      for (int i = 0; i < n; ++i) {
-        double product = 0;  // row i of J, ∂q/∂x_j
-        for (int m = 0; m < n; ++m)
-          product += J[i][m] * slope_of([&](double h) {
-                       Coordinates there = x;
-                       there[j] += h;
-                       Joint q;
-                       CHECK(ikm(mechanism.robot, there, q));
-                       return q[m];
-                     });
-        CHECK_NEAR(product, i == j, 1e-8);
-      }
+      for (int axis = 0; axis < 3; ++axis)
+        CHECK_NEAR(W[axis][j], slope_of([&](double h) {
+                     Coordinates step{};
+                     step[j] = h;
+                     const Mat3 after = placed<K>(robot, moved<K>(pose, step)).R;
+                     return log_so3(R.transpose() * after)[axis];
+                   }),
+                   1e-10);
   }
-}
-
-TEST("a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
-  const auto turns = [](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(75);
-    for (int k = 0; k < 50; ++k) {
-      const Coordinates x = random_pose(mechanism, random);
-      const Pose pose = to_pose<K>(x);
-      const Mat3 R = placed<K>(robot, pose).R;
-      GyroRows W{};
-      CHECK(gyro(robot, x, W));
-      for (int j = 0; j < kDof<K>; ++j)
-        for (int axis = 0; axis < 3; ++axis)
-          CHECK_NEAR(W[axis][j], slope_of([&](double h) {
-                       Coordinates step{};
-                       step[j] = h;
-                       const Mat3 after = placed<K>(robot, moved<K>(pose, step)).R;
-                       return log_so3(R.transpose() * after)[axis];
-                     }),
-                     1e-10);
-    }
-    GyroRows unused{};
-    CHECK(gyro(robot, Coordinates{NAN, NAN, NAN, NAN, NAN, NAN}, unused).status ==
-          (K == Mobility::planar_translation || K == Mobility::translation ? Status::ok
-                                                                           : Status::not_finite));
-    CHECK(gyro(Robot{}, Coordinates{}, unused).status == Status::unfinished);
-  };
-  for_each(turns);
-  for_each_pivot(turns);
+  GyroRows unused{};
+  CHECK(gyro(robot, Coordinates{NAN, NAN, NAN, NAN, NAN, NAN}, unused).status ==
+        (K == Mobility::planar_translation || K == Mobility::translation ? Status::ok
+                                                                         : Status::not_finite));
+  CHECK(gyro(Robot{}, Coordinates{}, unused).status == Status::unfinished);
 }
 
 TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_x and H_ξ say") {
@@ -172,34 +142,6 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
         CHECK_NEAR(H[m * width + c], slope, 1e-6 * (1 + std::fabs(slope)));
       }
     }
-  }
-}
-
-TEST_EACH(for_each_pivot,
-          "free motion without friction keeps its energy, and the inverse dynamics invert") {
-  const Robot& robot = mechanism.robot;
-  check::Random random(75);
-  for (int k = 0; k < 50; ++k) {
-    const Coordinates x = random_pose(mechanism, random, 0.6);
-    Coordinates rate{}, acceleration{};
-    for (int j = 0; j < n; ++j) rate[j] = 2 * random();
-    CHECK(forward_dynamics<K>(robot, to_pose<K>(x), rate, Joint{}, acceleration));
-    const double power = slope_of(
-        [&](double h) {  // along the arc with this rate, acceleration
-          Coordinates there = x, then = rate;
-          for (int j = 0; j < n; ++j) {
-            there[j] += h * (rate[j] + 0.5 * h * acceleration[j]);
-            then[j] += h * acceleration[j];
-          }
-          Energy energy_there;
-          CHECK(energy<K>(robot, to_pose<K>(there), then, energy_there));
-          return energy_there.kinetic + energy_there.potential;
-        },
-        1e-4);
-    CHECK_NEAR(power, 0, 1e-8);
-    Joint torque{};
-    CHECK(inverse_dynamics<K>(robot, to_pose<K>(x), rate, acceleration, torque));
-    for (int i = 0; i < n; ++i) CHECK_NEAR(torque[i], 0, 1e-12);
   }
 }
 

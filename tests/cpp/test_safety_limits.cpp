@@ -9,12 +9,6 @@ namespace {
 
 constexpr std::uint64_t kAll = ~std::uint64_t{0};
 
-template <class F>
-void for_every(F&& f) {
-  for_each(f);
-  for_each_pivot(f);
-}
-
 Robot with_torque(Robot robot, double most) {
   for (int i = 0; i < robot.motors; ++i) robot.chain[i].torque_limit = most;
   return robot;

@@ -1,4 +1,4 @@
-// Status values. Never a NaN presented as an answer. Statuses, never a NaN presented as an answer.
+// Statuses, never a NaN presented as an answer.
 #include <limits>
 
 #include "mechanisms.hpp"
@@ -79,11 +79,7 @@ TEST("a stretched arm is singular of the first type, and the chain is named") {
 }
 
 TEST("a robot whose motors do not hold the nacelle is singular of the second type") {
-  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
-  for (int i = 0; i < 3; ++i) {  // similar triangles at θ = 0: the three legs meet in one point
-    robot.chain[i].base = polar(0.4, 90 + 120 * i);
-    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
-  }
+  Robot robot = meeting_legs();
   robot.home = {};
   CHECK(finish(robot).status == Status::singular);
   CHECK(robot.assembly_sign == 0);
@@ -161,11 +157,7 @@ TEST_EACH(for_each, "a number that is not finite is told from one that is out of
 }
 
 TEST("beside a singularity, where Newton crawls, the forward model keeps its bound") {
-  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
-  for (int i = 0; i < 3; ++i) {  // the legs meet in one point at θ = 0
-    robot.chain[i].base = polar(0.4, 90 + 120 * i);
-    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
-  }
+  Robot robot = meeting_legs();
   robot.assembly_sign = 0;
   Joint q{};
   CHECK(ikm(robot, Joint{}, q));
@@ -181,11 +173,7 @@ TEST("beside a singularity, where Newton crawls, the forward model keeps its bou
 }
 
 TEST("a singular pose towards which the search crawls is called singular") {
-  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
-  for (int i = 0; i < 3; ++i) {  // det J_x = 0 wherever θ is 0: the triangles are similar
-    robot.chain[i].base = polar(0.4, 90 + 120 * i);
-    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
-  }
+  Robot robot = meeting_legs();
   robot.home = {0.01, 0.02, 0.5};
   CHECK(finish(robot));
   check::Random random(22);

@@ -242,7 +242,7 @@ def test_a_prefix_that_c_does_not_take_is_refused_with_one_that_it_takes(run, na
 def test_a_slow_sensor_has_its_times_in_the_tables(language, tmp_path):
     h4, times = tp.load("h4"), {"sample_period": 0.01, "latency": 0.0075}
     late = [sensor.model_copy(update=times) for sensor in h4.spec.sensor]
-    slow = tp.Robot(h4.spec.model_copy(update={"sensor": late}))
+    slow = h4.with_file(sensor=late)
     (tmp_path / "robot.h").write_text(tables(slow), encoding="utf-8")
     (tmp_path / "user.c").write_text(
         '#include "robot.h"\n'

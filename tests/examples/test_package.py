@@ -6,7 +6,6 @@ The compiler is $CXX, or CMake's own choice (`make examples` asks clang++-22 too
 import os
 import re
 import shutil
-import subprocess
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -217,23 +216,6 @@ def test_without_an_installation_one_line_says_what_to_do(folder, monkeypatch, t
     monkeypatch.setattr(headers, "__file__", str(tmp_path / "headers.py"))
     with pytest.raises(tp.TrueposeError, match=r"no C\+\+ headers in .*: install truepose"):
         folder()
-
-
-def test_every_public_type_of_the_core_says_what_it_is(tmp_path):
-    if not shutil.which("doxygen"):
-        pytest.skip("doxygen is not installed")
-    ask = "OUTPUT_DIRECTORY = {}\nWARN_IF_UNDOCUMENTED = YES\nWARN_IF_DOC_ERROR = YES\n"
-    settings = (SOURCE / "docs" / "Doxyfile").read_text(encoding="utf-8")
-    (tmp_path / "Doxyfile").write_text(settings + ask.format(tmp_path), encoding="utf-8")
-    ran = subprocess.run(
-        ["doxygen", tmp_path / "Doxyfile"], cwd=SOURCE, capture_output=True, text=True, check=True
-    )
-    wrong = [
-        line
-        for line in ran.stderr.splitlines()
-        if "Compound" in line or "is not documented" not in line  # members may speak for themselves
-    ]
-    assert [line for line in wrong if "warning" in line and "Freedom<" not in line] == []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="glibc is Linux's")

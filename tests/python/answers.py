@@ -4,20 +4,15 @@ import dataclasses
 import re
 from collections import Counter
 from collections.abc import Mapping
-from html import unescape
 from itertools import zip_longest
 
 import numpy as np
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
 import truepose as tp
 from truepose.show.table import Table
 
 #: A number that stands alone: names such as q1, versions and times of day are none.
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])", re.ASCII)
-#: A term of a combination of parameters: those that nothing determines are of any direction.
-TERM = r"[-+]?\d\.\d+ [A-Za-z]\w*(?:\.\w+)+"
 #: What a cell of a table holds.
 SIMPLE = str | bool | int | float | None
 #: What is kept of a line of words, such as a list of choices.
@@ -116,8 +111,6 @@ def told(result, name="", depth=0):
         yield from of_array(result, name)
         if type(result) is not np.ndarray:
             yield from of_members(result, name, depth)
-    elif isinstance(result, Figure):
-        yield from of_figure(result, name)
     elif result is not None and not callable(result) and depth < 7:
         yield from of_many(result, name, depth)
 
@@ -184,55 +177,19 @@ def of_sequence(result, name, depth):
             yield from told(value, f"{name}.{k}", depth + 1)
 
 
-def of_figure(figure, name):
-    """Yield what a figure shows: labels and the numbers of its lines."""
-    for k, axes in enumerate(figure.axes):
-        words = [axes.get_title(), axes.get_xlabel(), axes.get_ylabel()]
-        words += [text.get_text() for text in axes.texts]
-        words += [text.get_text() for text in getattr(axes.get_legend(), "texts", ())]
-        yield f"{name} {k}: {' | '.join(word for word in words if word)}"
-        drawn = [
-            np.array(line.get_data_3d() if hasattr(line, "get_data_3d") else line.get_data())
-            for line in axes.lines
-        ]
-        for collection in axes.collections:
-            if isinstance(collection, LineCollection):
-                drawn += [np.array(part, dtype=float).T for part in collection.get_segments()]
-        for j, rows in enumerate(drawn[:MOST]):
-            columns = (row if row.size < 6 else figures(row) for row in rows.astype(float))
-            yield f"  {j}: {', '.join(map(scaled, columns))}"
-
-
 def answer(result) -> str:
     """Return an answer as text."""
     return "\n".join(told(result)) + "\n"
 
 
-def page(html: str) -> str:
-    """Return the words and numbers of a page."""
-    html = re.sub(r"(?s)<(script|style|svg)\b.*?</\1>|<!--.*?-->|<img[^>]*>", " ", html)
-    rows = re.sub(r"</(tr|p|h\d|li|table|figcaption|div)>", "\n", html)
-    lines = unescape(re.sub(r"<[^>]*>", " ", rows)).splitlines()
-    return "\n".join(text for line in lines if (text := " ".join(line.split())))
-
-
 def masked(text: str) -> str:
-    """Replace what differs between machines and days; shorten numbers and long lines."""
-    text = re.sub(r"(?:truepose|Python|numpy|matplotlib|scipy) \d[\w.]*", "VERSION", text)
-    text = re.sub(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(:\d\d)?(?:Z|[+-]\d\d:\d\d)?)?", "DATE", text)
-    text = re.sub(r" [0-9a-f]{12}(?![\w.])", " DIGEST", text)
-    text = re.sub(rf"(?:{TERM} *){{2,}}", "COMBINATION", text)
-    text = re.sub(r"(?<![\w.:])/(?:tmp|home|root|work|usr)/[\w./+-]*", "PATH", text)
+    """Shorten numbers and long lines."""
     return "\n".join(map(short, text.splitlines())) + "\n"
 
 
 def short(line: str) -> str:
-    """Shorten numbers to 5 digits, and many of a line to figures; blanks are one."""
+    """Shorten numbers to 5 digits; blanks are one."""
     line = re.sub(r"[ ─━═]+", " ", line).strip()
-    found = NUMBER.findall(line)
-    if len(found) > MOST and "×1e" not in line:
-        words = re.sub(r"#(?:[^\w#]+#)+", "#…", NUMBER.sub("#", line))
-        return f"{words} {len(found)}: {scaled(figures(np.array([real(n) for n in found])))}"
     line = NUMBER.sub(lambda number: digits(number[0]), line)
     return line if len(line) <= LONGEST else f"{line[:LONGEST]}… {len(line)}"
 

@@ -83,6 +83,18 @@ def h4_text() -> str:
     return robotfile.shipped()["h4"].read_text(encoding="utf-8")
 
 
+@pytest.fixture
+def load(tmp_path):
+    """Return a function that loads a robot file's text."""
+
+    def from_text(text: str) -> tp.Robot:
+        path = tmp_path / "robot.toml"
+        path.write_text(text, encoding="utf-8")
+        return tp.load(path)
+
+    return from_text
+
+
 # Not of the session: pytest would run all tests of one robot together, through all files again and
 # again, and make what a file's tests share as often.
 @pytest.fixture(params=tp.list_robots())

@@ -8,7 +8,7 @@ import truepose as tp
 CALIBRATED_ON = 60
 
 
-def sets(name: str) -> list[tuple[str, ...]]:
+def sets(name):
     """Return the sensor sets of a robot: each alone, all, its own, those of the pages."""
     robot = tp.load(name)
     known = tuple(sensor.name for sensor in robot.spec.sensor)
@@ -20,7 +20,7 @@ def sets(name: str) -> list[tuple[str, ...]]:
     return sorted({s for s in [*((k,) for k in known), known, robot.sensors, *pages] if s})
 
 
-def poses_of(true: tp.Robot, count: int, seed: int) -> np.ndarray:
+def poses_of(true, count, seed):
     """Return poses of the workspace that the true robot reaches."""
     box = true.spec.workspace
     x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (2 * count, true.n))

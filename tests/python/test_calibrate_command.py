@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,22 +12,14 @@ import truepose as tp
 from truepose import files, logs
 from truepose.calibration import CalibrationOptions, log_checks, review
 from truepose.calibration.causes.hypothesis import Case
-from truepose.commands import cli, options
+from truepose.commands import options
 
 
 @pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
+def run(run, monkeypatch):
     """Return a function that runs `truepose calibrate` in a folder: status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "120")
-
-    def command(*words):
-        monkeypatch.setattr("sys.argv", ["truepose", "calibrate", *map(str, words)])
-        with pytest.raises(SystemExit) as left:
-            cli.main()
-        return (left.value.code or 0, *capsys.readouterr())
-
-    return command
+    return partial(run, "calibrate")
 
 
 @pytest.fixture(scope="module")

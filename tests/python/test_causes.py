@@ -325,7 +325,7 @@ def test_an_online_calibration_that_stopped_is_explained(h4_z):
 def test_a_new_cause_is_a_function_and_an_entry(h4_z, monkeypatch):
     """An encoder with one period per turn, which no other cause describes."""
 
-    def eccentric(case: Case):
+    def eccentric(case):
         pattern = np.zeros_like(case.log.readings)
         pattern[:, 5] = np.sin(400 * case.log.readings[:, 5])
         yield case.with_pattern(pattern, 0.01, text="z_telemeter: periodic error of")

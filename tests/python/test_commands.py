@@ -117,14 +117,6 @@ def test_check_of_a_file_based_on_another(run, tmp_path):
     assert run("check", path)[2].startswith(f"{path}:1: based_on: unknown robot 'dleta'; did you")
 
 
-def test_check_of_a_missing_file_is_one_line(run):
-    status, _, err = run("check", "none.toml")
-    assert (status, err) == (
-        2,
-        "truepose: error: none.toml: cannot be read: No such file or directory\n",
-    )
-
-
 @pytest.mark.parametrize(
     "command", ["check", "new", "info", "accuracy", "margins", "plan", "design", "calibrate"]
 )
@@ -188,10 +180,10 @@ def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
     """A box of one pose: no statistics, only J."""
     x = np.array([0.05, -0.02, -0.42, 0.3])
     box = h4.spec.workspace.model_copy(update={"minimum": tuple(x), "maximum": tuple(x)})
-    robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
-    figures = info.measure(robot, samples=3, length=0.2)
+    robot = h4.with_file(workspace=box)
+    figures = info.measure(robot, samples=3)
     K = np.linalg.inv(h4.jacobian(x))
-    scaled = np.diag([1, 1, 1, 0.2]) @ h4.jacobian(x)
+    scaled = np.diag([1, 1, 1, info.LENGTH]) @ h4.jacobian(x)
     assert figures.condition == pytest.approx([np.linalg.cond(scaled)] * 3)
     assert figures.moving.value == pytest.approx(np.linalg.norm(K[:, :3], axis=1).max())
     assert figures.turning.value == pytest.approx(np.abs(K[:, 3]).max())
@@ -200,23 +192,10 @@ def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
     assert figures.q_min == pytest.approx(h4.ikm(x)) == figures.q_max
 
 
-def test_no_direction_is_faster_than_the_worst_one(any_robot, anywhere, rng):
-    figures = info.measure(any_robot, samples=300, seed=1)
-    x = np.random.default_rng(1).uniform(
-        any_robot.spec.workspace.minimum, any_robot.spec.workspace.maximum, (300, any_robot.n)
-    )
-    linear = np.array([unit == "m" for _, unit in any_robot.coordinates])
-    fastest = figures.moving if linear.any() else figures.turning
-    direction = rng.normal(size=(300, any_robot.n)) * (linear if linear.any() else 1)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    q_dot = np.linalg.solve(any_robot.jacobian(x), direction[..., None])
-    assert np.abs(q_dot).max() <= fastest.value * (1 + 1e-12)
-
-
 def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
     box = h4.spec.workspace
     wide = box.model_copy(update={"minimum": (-1.0, *box.minimum[1:])})
-    robot = tp.Robot(h4.spec.model_copy(update={"workspace": wide}))
+    robot = h4.with_file(workspace=wide)
     assert 0.1 < info.measure(robot, samples=2000).reachable < 0.9
     x, condition = info.condition_map(robot, points=21)
     assert x[0, 0, 0] == -1 and x[-1, -1, 1] == 0.1

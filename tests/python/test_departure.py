@@ -100,19 +100,3 @@ def test_a_longer_log_that_contradicts_a_calibration_doubts_it(anywhere):
         first.robot, rebuilt, options=CalibrationOptions(model_error="off", cause="ignore")
     ).notes
     assert note.startswith("the last calibration's σ seem too small by a factor of about")
-
-
-def test_the_command_says_it(run, anywhere, tmp_path):
-    robot = tp.load("stewart").with_sensors("roll", "pitch")
-    x = anywhere(robot, 40, np.random.default_rng(0))
-    q_e = drawn(robot, 0, 3).read(x, seed=0)
-    np.savetxt("log.csv", q_e, delimiter=",", header=",".join(robot.readings), comments="")
-    status, _, err = run(
-        "calibrate", "stewart", "log.csv", "--sensors", "roll,pitch", "-o", "c.toml"
-    )
-    assert status == 0
-    (factor,) = re.findall(
-        r"log.csv: the tolerances seem too small by a factor of about (.*?),", err
-    )
-    assert 2.4 < float(factor) < 3.6
-    assert "too small by a factor" in (tmp_path / "c.html").read_text(encoding="utf-8")

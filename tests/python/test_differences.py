@@ -4,12 +4,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+from posteriors import changes, maximum_a_posteriori
 
 import truepose as tp
-from truepose.calibration import CalibrationOptions
+from truepose.calibration import (
+    CalibrationOptions,
+    DistanceMeasurements,
+    PlaneContacts,
+    RepeatedPoses,
+)
 from truepose.calibration.bound import after_visiting
-from truepose.robot import knowledge
 
 TOOL = (0.01, -0.02, -0.03)
 
@@ -41,10 +45,10 @@ def printed(rng, x, own, sigma=2e-5):
     length = np.linalg.norm(x[pairs[:, 0]] - x[pairs[:, 1]], axis=1)
     measured = (1 + scale) * length + times * width + sigma * rng.standard_normal(len(pairs))
     return [
-        tp.calibration.PlaneContacts(
+        PlaneContacts(
             lines=touched, sigma=sigma, above=above, height=(0, FREE[0]), slope_sigma=FREE[1]
         ),
-        tp.calibration.DistanceMeasurements(
+        DistanceMeasurements(
             pairs=pairs,
             measured=measured,
             sigma=sigma,
@@ -67,7 +71,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
     pairs = np.array([(0, 1), (1, 2), (3, 1), (0, 4), (5, 6)])
     apart = p[pairs[:, 0]] - p[pairs[:, 1]]
     length = np.linalg.norm(apart, axis=1)
-    plane = tp.calibration.PlaneContacts(
+    plane = PlaneContacts(
         lines=[0, 2, 5],
         sigma=[1e-5, 2e-5, 1e-5],
         above=p[[0, 2, 5], 2] - 0.002 - 0.003 * p[[0, 2, 5], 0] + 3e-5 * rng.standard_normal(3),
@@ -76,7 +80,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         tool=(0, 0, 0),
         tool_sigma=0.05,
     )
-    distances = tp.calibration.DistanceMeasurements(
+    distances = DistanceMeasurements(
         pairs=pairs,
         measured=0.997 * length + 4e-4 + 2e-5 * rng.standard_normal(5),
         sigma=2e-5,
@@ -85,60 +89,31 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         tool=(0, 0, 0),
         tool_sigma=0.05,
     )
-    revisits = tp.calibration.RepeatedPoses(pairs=[(6, 3)], apart=p[6] - p[3], sigma=5e-5)
-    names, read = knowledge.uncertain(robot), knowledge.reading_sigma(robot)
-    prior = robot.parameters
-    count = len(names)
-    free = np.array([0.01, 0.01, 0.01, 0.005, 1e-3, 0.05, 0.05, 0.05])
+    revisits = RepeatedPoses(pairs=[(6, 3)], apart=p[6] - p[3], sigma=5e-5)
 
-    def residual(unknowns):
-        u, w, at = unknowns[:count], free * unknowns[count : count + 8], unknowns[count + 8 :]
-        at = at.reshape(x.shape)
-        moved = {n: prior[n].mean + prior[n].sigma * v for n, v in zip(names, u, strict=True)}
-        off = (q_e - robot.replace(moved).extended_positions(at)) / read
-        R = [frame[:3, :3] for frame in tp.robot.frames.frames(robot, at)]
-        p = at[:, :3] + np.einsum("kij,j->ki", R, w[5:])
+    def further(w, x):
+        p = x[:, :3] + np.einsum("kij,j->ki", tp.robot.frames.frames(robot, x)[:, :3, :3], w[:3])
         length = np.linalg.norm(p[pairs[:, 0]] - p[pairs[:, 1]], axis=1)
-        height = p[[0, 2, 5], 2] - w[0] - p[[0, 2, 5], :2] @ w[1:3]
-        return np.concatenate(
-            [
-                off.ravel(),
-                (plane.above - height) / plane.sigma,
-                (distances.measured - (1 + w[3]) * length - w[4]) / distances.sigma,
-                (np.subtract(revisits.apart, at[6, :3] - at[3, :3])) / revisits.sigma,
-                unknowns[: count + 8],
-            ]
+        height = p[[0, 2, 5], 2] - w[3] - p[[0, 2, 5], :2] @ w[4:6]
+        return (
+            (plane.above - height) / plane.sigma,
+            (distances.measured - (1 + w[6]) * length - w[7]) / distances.sigma,
+            (np.subtract(revisits.apart, x[6, :3] - x[3, :3])) / revisits.sigma,
         )
 
-    start = np.concatenate([np.zeros(count + 8), robot.expected().fkm(q_e[:, :6]).ravel()])
-    scale = np.concatenate([np.ones(count + 8), np.full(x.size, 1e-4)])
-    found = least_squares(
-        residual, start, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-15, gtol=1e-12
-    )
-    fit = tp.calibrate(
-        robot,
-        q_e,
-        differences=[plane, distances, revisits],
-        options=CalibrationOptions(cause="ignore"),
-    )
-    u = [(fit.parameters[n].value - prior[n].mean) / prior[n].sigma for n in names]
-    assert u == pytest.approx(found.x[:count], abs=2e-4)
-    assert fit.x == pytest.approx(found.x[count + 8 :].reshape(x.shape), abs=3e-7)
-    assert fit.cost == pytest.approx(2 * found.cost, rel=1e-6)
-    unknowns = fit.differences.unknowns
-    order = ["plane.height", "plane.slope.x", "plane.slope.y"]
-    order += ["distances.scale", "distances.width", "tool.x", "tool.y", "tool.z"]
-    values = np.array([unknowns[name].value for name in order])
-    assert values / free == pytest.approx(found.x[count : count + 8], abs=2e-4)
-    J = found.jac
-    covariance = np.linalg.inv(J.T @ J)[: count + 8, : count + 8]
-    s = np.array([prior[n].sigma for n in names])
-    assert fit.covariance / np.outer(s, s) == pytest.approx(covariance[:count, :count], abs=2e-4)
-    at = [list(unknowns).index(name) for name in order]
-    own = fit.differences.covariance[np.ix_(at, at)] / np.outer(free, free)
-    assert own == pytest.approx(covariance[count:, count:], abs=2e-4)
-    cross = fit.differences.cross[:, at] / np.outer(s, free)
-    assert cross == pytest.approx(covariance[:count, count:], abs=2e-4)
+    free = [0.05, 0.05, 0.05, 0.01, 0.01, 0.01, 0.005, 1e-3]
+    u, at, covariance, cost = maximum_a_posteriori(robot, q_e, free, further)
+    measured = [plane, distances, revisits]
+    options = CalibrationOptions(cause="ignore")
+    fit = tp.calibrate(robot, q_e, differences=measured, options=options)
+    tool, bed = ("tool.x", "tool.y", "tool.z"), ("height", "slope.x", "slope.y")
+    own = [*tool, *(f"plane.{name}" for name in bed), "distances.scale", "distances.width"]
+    assert list(fit.others) == own
+    change, stated = changes(fit)
+    assert change == pytest.approx(u, abs=2e-4)
+    assert fit.x == pytest.approx(at, abs=3e-7)
+    assert fit.cost == pytest.approx(cost, rel=1e-6)
+    assert stated == pytest.approx(covariance, abs=2e-4)
 
 
 def scene(seed, count=40):
@@ -166,7 +141,8 @@ def test_a_printer_learns_from_touches_and_callipers_alone(loss):
         error = np.array([*error, *([p.value for p in unknowns.values()] - own)])
         joint = np.block([[fit.covariance, between.cross], [between.cross.T, between.covariance]])
         nees.append(error @ np.linalg.solve(joint, error))
-        assert 0.5 < between.chi2 < 2
+        sizes = [(of.left_out / of.left_out_sigma) ** 2 for of in between.each]
+        assert 0.5 < np.mean(sizes) < 2
     freedoms = len(error)
     assert np.mean(nees) / freedoms == pytest.approx(1, abs=4 * np.sqrt(2 / freedoms / len(nees)))
 
@@ -255,36 +231,36 @@ LINES = np.arange(12, 40)
     ("difference", "message"),
     [
         (
-            tp.calibration.PlaneContacts(lines=[40], sigma=1e-5),
+            PlaneContacts(lines=[40], sigma=1e-5),
             r"^plane: lines: line 40: must be 0 to 39$",
         ),
         (
-            tp.calibration.PlaneContacts(lines=[0.5], sigma=1e-5),
+            PlaneContacts(lines=[0.5], sigma=1e-5),
             r"^plane: lines: must be numbers of lines from 0",
         ),
         (
-            tp.calibration.PlaneContacts(lines=LINES, sigma=0),
-            r"^plane: sigma = 0.0: must be greater than 0",
+            PlaneContacts(lines=LINES, sigma=0),
+            r"^plane: sigma = 0: must be greater than 0",
         ),
         (
-            tp.calibration.PlaneContacts(lines=LINES, sigma=1, above=[1, 2]),
+            PlaneContacts(lines=LINES, sigma=1, above=[1, 2]),
             r"^plane: above: must be a number or",
         ),
-        (tp.calibration.PlaneContacts(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
+        (PlaneContacts(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
         (
-            tp.calibration.PlaneContacts(lines=LINES, sigma=1, height=(0, -1)),
+            PlaneContacts(lines=LINES, sigma=1, height=(0, -1)),
             r"^plane: height: 0, σ -1",
         ),
         (
-            tp.calibration.DistanceMeasurements(pairs=[(1, 1)], measured=[1], sigma=1),
+            DistanceMeasurements(pairs=[(1, 1)], measured=[1], sigma=1),
             r"^distances: pairs: line 1 twice",
         ),
         (
-            tp.calibration.DistanceMeasurements(pairs=[(1, 2)], measured=[-1], sigma=1),
-            r"^distances: measured = -1.0",
+            DistanceMeasurements(pairs=[(1, 2)], measured=[-1], sigma=1),
+            r"^distances: measured = -1",
         ),
         (
-            tp.calibration.RepeatedPoses(pairs=[1, 2], sigma=1),
+            RepeatedPoses(pairs=[1, 2], sigma=1),
             r"^revisits: pairs: must be numbers of lines",
         ),
         (

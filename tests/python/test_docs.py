@@ -25,22 +25,8 @@ def site():
     sys.path.remove(str(SITE))
 
 
-@pytest.fixture(scope="module")
-def reference(site) -> str:
-    return site["generate"].robot_file()
-
-
-def section(reference: str, anchor: str) -> str:
-    """What the reference says of one table."""
-    return reference.split(f"(key-{anchor})=")[1].split("\n(key-", maxsplit=1)[0]
-
-
-def test_the_reference_has_units_bounds_and_shorthand(reference):
-    chain = section(reference, "chain")
-    assert "| `arm` | number, m; > 0 | – |" in chain
-    assert "| `eccentricity` | four numbers, rad; each > -0.1 and < 0.1 | `[0, 0, 0, 0]` |" in chain
-    assert '| `actuator` | `"revolute"`, `"prismatic"`, `"telescopic"` | **needed** |' in chain
-    assert all(f"| `{key}` |" in section(reference, "top-level") for key in SHORTHAND)
+def test_the_reference_has_every_shorthand(site):
+    assert all(f"| `{key}` |" in site["generate"].robot_file() for key in SHORTHAND)
 
 
 def pages() -> list[Path]:
@@ -145,7 +131,10 @@ def scripts() -> dict[str, str]:
             of = re.search(r"\bpython (-m pkm\.\w+|\S+\.py)(.*?)(?: #|$)", line)
             if of and re.match(r"packages/|-m pkm\.generate", of[1]):
                 continue
-            if of and (of[1].startswith("-m") or "argparse" in (ROOT / of[1]).read_text("utf-8")):
+            if of and (
+                of[1].startswith("-m")
+                or re.search(r"argparse|\barguments\(", (ROOT / of[1]).read_text("utf-8"))
+            ):
                 found[of[1]] = found.get(of[1], "") + of[2]
     return found
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import truepose as tp
 from truepose.calibration.expectation import expect
 from truepose.robotfile.schema import CalibrationSection
 
@@ -14,7 +13,7 @@ ERROR = 0.01  # rad
 def known(h4):
     """Return an H4 known exactly but for what the ideal level leaves out of each reading."""
     name = "chain1.rod"
-    exact = tp.Robot(h4.spec.model_copy(update={"tolerances": {}}))
+    exact = h4.with_file(tolerances={})
     return exact.with_calibration(
         CalibrationSection(
             source="a test",

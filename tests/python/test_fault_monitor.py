@@ -7,6 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
+from truepose.faults import Fault
 from truepose.faults.monitor import (
     HEALTH,
     SYMPTOMS,
@@ -17,35 +18,39 @@ from truepose.faults.monitor import (
     first,
 )
 from truepose.robot.laws import usual
+from truepose.simulation import Run
 
 SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}
 
 
 @pytest.fixture(scope="module")
-def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
+def calibrated():
     """What a controller believes after a calibration, and the robot that is there."""
     robots = {}
     for name, sensors in SENSORS.items():
         robot = tp.load("h4").with_sensors(*sensors).expected()
         truth = robot.sample(7).at_highest_level
         box = robot.spec.workspace
-        assert box is not None
         poses = np.random.default_rng(7).uniform(box.minimum, box.maximum, (120, robot.n))
         robots[name] = tp.calibrate(robot, truth.read(poses, seed=7)).robot, truth
     return robots
+
+
+def watched(robot, truth, law, *faults, **run):
+    """Simulate the faults of a robot under the fault monitor."""
+    monitor = tp.FaultMonitor()
+    return tp.simulate(robot, truth, law, faults=faults, monitor=monitor, run=Run(**run))
 
 
 @pytest.mark.parametrize(
     ("name", "law"),
     [(n, law) for n in tp.list_robots() for law in dict.fromkeys(("joint", usual(tp.load(n))))],
 )
-def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
+def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name, law):
     robot = tp.load(name)
     truth = robot.expected().sample(1)
-    blind = tp.simulate(robot, truth, law, run=tp.simulation.Run(hold=0.1))  # type: ignore[arg-type]
-    seen = tp.simulate(
-        robot, truth, law, monitor=tp.FaultMonitor(), run=tp.simulation.Run(hold=0.1)
-    )  # type: ignore[arg-type]
+    blind = tp.simulate(robot, truth, law, run=Run(hold=0.1))
+    seen = tp.simulate(robot, truth, law, monitor=tp.FaultMonitor(), run=Run(hold=0.1))
     assert (seen.health == HEALTH.index("valid")).all()
     assert np.array_equal(seen.x, blind.x)
     assert not seen.stops.any()
@@ -63,12 +68,10 @@ def test_a_fault_monitor_changes_nothing_of_a_healthy_robot(name: str, law: str)
         ("bias", -0.5, None),
     ],
 )
-def test_an_abrupt_fault_is_named_within_30_ms(
-    calibrated: dict, sensors: str, reading: str, kind: str, size: float | None, symptom: str | None
-) -> None:
+def test_an_abrupt_fault_is_named_within_30_ms(calibrated, sensors, reading, kind, size, symptom):
     robot, truth = calibrated[sensors]
-    fault = tp.faults.Fault(reading, kind, at=0.1, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault(reading, kind, at=0.1, size=size)
+    run = watched(robot, truth, "estimated", fault)
     assert run.failed == [reading]
     column = robot.readings.index(reading)
     first = np.flatnonzero(run.health.any(axis=1))[0]
@@ -79,41 +82,33 @@ def test_an_abrupt_fault_is_named_within_30_ms(
 
 @pytest.mark.parametrize("law", ["joint", "tej", "cartesian", "estimated"])
 @pytest.mark.parametrize("kind, size", [("stuck", None), ("dropout", None), ("jump", 0.05)])
-def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(
-    calibrated: dict, law: str, kind: str, size: float | None
-) -> None:
+def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(calibrated, law, kind, size):
     """With θ gone the motors are left: the calibrated geometry keeps it within 1 mm, 1°."""
     robot, truth = calibrated["θ"]
-    healthy = tp.simulate(robot, truth, law)  # type: ignore[arg-type]
-    fault = tp.faults.Fault("theta", kind, at=0.1, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, law, faults=[fault], monitor=tp.FaultMonitor())  # type: ignore[arg-type]
+    healthy = tp.simulate(robot, truth, law)
+    fault = Fault("theta", kind, at=0.1, size=size)
+    run = watched(robot, truth, law, fault)
     off = np.abs(run.x - healthy.x).max(axis=0)
     assert off[:3].max() < 1e-3
     assert off[3] < np.radians(1)
     assert not run.stops.any()
 
 
-def test_four_elbows_stand_for_a_motors_encoder(calibrated: dict) -> None:
+def test_four_elbows_stand_for_a_motors_encoder(calibrated):
     robot, truth = calibrated["θ, elbows"]
     healthy = tp.simulate(robot, truth, "estimated")
     for motor in ("q1", "q3"):
-        fault = tp.faults.Fault(motor, "dropout", at=0.1)
-        run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
+        fault = Fault(motor, "dropout", at=0.1)
+        run = watched(robot, truth, "estimated", fault)
         assert run.failed == [motor]
         assert not run.stops.any()
         assert np.abs(run.x - healthy.x)[:, :3].max() < 2e-3
 
 
-def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict) -> None:
+def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated):
     """θ says little of q1: the robot brakes on its path within the stated time."""
     robot, truth = calibrated["θ"]
-    run = tp.simulate(
-        robot,
-        truth,
-        "joint",
-        faults=[tp.faults.Fault("q1", "dropout", at=0.1)],
-        monitor=tp.FaultMonitor(),
-    )
+    run = watched(robot, truth, "joint", Fault("q1", "dropout", at=0.1))
     assert run.failed == ["q1"]
     assert run.brakes[-1] == 1
     begins = run.time[run.stops.argmax()]
@@ -129,13 +124,13 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
 @pytest.mark.parametrize("reading", ["q1", "q2"])
 @pytest.mark.parametrize("at", [0.16, 0.17, 0.18])
 def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_at_most(
-    calibrated: dict, reading: str, at: float
-) -> None:
+    calibrated, reading, at
+):
     """θ hardly depends on it: only its own standstill shows it, over the last counts of its way."""
     robot, truth = calibrated["θ"]
     healthy = tp.simulate(robot, truth, "joint")
-    fault = tp.faults.Fault(reading, "stuck", at=at)
-    run = tp.simulate(robot, truth, "joint", faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault(reading, "stuck", at=at)
+    run = watched(robot, truth, "joint", fault)
     assert run.failed == [reading]
     off = np.linalg.norm((run.x - healthy.x)[~run.stops, :3], axis=1)
     assert off.max() < 2e-3
@@ -143,17 +138,15 @@ def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_a
 
 @pytest.mark.parametrize("reading", ["theta", "q3", "q4"])
 @pytest.mark.parametrize("at, most", [(0.04, 4e-3), (0.3, 1e-3)])  # in motion; at rest
-def test_in_the_shell_a_drift_stops_the_robot_along_its_path(
-    calibrated: dict, reading: str, at: float, most: float
-) -> None:
+def test_in_the_shell_a_drift_stops_the_robot_along_its_path(calibrated, reading, at, most):
     """Every motor is plausible. By brakes it would stop 27 to 38 mm off its setpoint."""
     robot, truth = calibrated["θ"]
     run = tp.simulate(
         robot,
         truth,
-        faults=[tp.faults.Fault(reading, "drift", at=at, size=-0.1)],
+        faults=[Fault(reading, "drift", at=at, size=-0.1)],
         monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(safety=tp.control.SafetyShell(), hold=0.6),
+        run=Run(safety=tp.control.SafetyShell(), hold=0.6),
     )
     assert not run.failed
     assert run.status.startswith("safety shell: readings disagree")
@@ -163,17 +156,10 @@ def test_in_the_shell_a_drift_stops_the_robot_along_its_path(
     assert run.brakes[stop + (152 if at < 0.2 else 25)]  # a robot at rest has no path left
 
 
-def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
+def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated):
     robot, truth = calibrated["θ"]
-    fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
-    run = tp.simulate(
-        robot,
-        truth,
-        "tej",
-        faults=[fault],
-        monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(hold=0.5),
-    )
+    fault = Fault("theta", "drift", at=0.05, size=0.2)
+    run = watched(robot, truth, "tej", fault, hold=0.5)
     assert run.stops.any()
     assert not run.failed
     assert "readings disagree" in run.status
@@ -182,16 +168,13 @@ def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) 
 
 @pytest.mark.parametrize("reading", ["q1", "q2"])
 @pytest.mark.parametrize("way", [0, 1, 5])
-def test_a_motors_drift_fails_no_healthy_motor_that_turns_back(
-    calibrated: dict, reading: str, way: int
-) -> None:
+def test_a_motors_drift_fails_no_healthy_motor_that_turns_back(calibrated, reading, way):
     """The law follows the drift, so other motors stand still off their setpoints."""
     robot, truth = calibrated["θ"]
     box = robot.spec.workspace
-    assert box is not None
     poses = np.random.default_rng(7).uniform(box.minimum, box.maximum, (24, robot.n))
     path = tp.simulation.Waypoints(poses=poses[4 * way : 4 * way + 4], duration=0.3)
-    fault = tp.faults.Fault(reading, "drift", at=0.25, size=0.8)
+    fault = Fault(reading, "drift", at=0.25, size=0.8)
     run = tp.simulate(
         robot, truth, "estimated", path=path, faults=[fault], monitor=tp.FaultMonitor()
     )
@@ -203,13 +186,11 @@ def test_a_motors_drift_fails_no_healthy_motor_that_turns_back(
 @pytest.mark.parametrize(
     "sensor, ends, size", [("theta", (-0.1, 0.3), 0.4), ("z_telemeter", (0.3, 0.5), 0.2)]
 )
-def test_a_reading_beyond_its_range_fails_for_that(
-    sensor: str, ends: tuple[float, float], size: float
-) -> None:
+def test_a_reading_beyond_its_range_fails_for_that(sensor, ends, size):
     unknown = tp.load("h4").with_sensors(sensor)
     section = unknown.spec.used[0].model_copy(update={"range": ends})
     robot = tp.Robot(unknown.spec.model_copy(update={"sensor": (section,)}))
-    monitor, fault = tp.FaultMonitor(), tp.faults.Fault(sensor, "bias", at=0.1, size=size)
+    monitor, fault = tp.FaultMonitor(), Fault(sensor, "bias", at=0.1, size=size)
     healthy = tp.simulate(robot, monitor=monitor)
     assert (healthy.health == HEALTH.index("valid")).all()
     assert np.array_equal(healthy.x, tp.simulate(unknown, monitor=monitor).x)
@@ -219,18 +200,17 @@ def test_a_reading_beyond_its_range_fails_for_that(
     assert "(too fast)" in tp.simulate(unknown, faults=[fault], monitor=monitor).status
 
 
-def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated: dict) -> None:
+def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated):
     robot, truth = (r.without_quantization() for r in calibrated["θ, elbows"])
-    fault = tp.faults.Fault("theta", "dropout", at=0.3)  # at rest
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault("theta", "dropout", at=0.3)  # at rest
+    run = watched(robot, truth, "estimated", fault)
     assert run.failed == ["theta"]
     step = np.abs(np.diff(run.torque[run.time > 0.28], axis=0)).max()
     limit = robot.spec.chain[0].torque_limit
-    assert limit is not None
     assert step < 0.01 * limit
 
 
-def test_a_log_is_reviewed_line_by_line(calibrated: dict) -> None:
+def test_a_log_is_reviewed_line_by_line(calibrated):
     robot, truth = calibrated["θ, elbows"]
     run = tp.simulate(robot, truth, "joint")
     q_e = run.q_e.copy()
@@ -242,7 +222,7 @@ def test_a_log_is_reviewed_line_by_line(calibrated: dict) -> None:
     assert np.abs(review.believed - run.q_e)[:, 6].max() < 2e-3
 
 
-def test_a_review_says_why_a_reading_was_first_not_valid_although_it_is_noisy_later() -> None:
+def test_a_review_says_why_a_reading_was_first_not_valid_although_it_is_noisy_later():
     h4 = tp.load("h4")
     q_e = tp.simulate(h4, controller="joint").q_e.copy()
     q_e[50:80, 4] += 0.02 * np.random.default_rng(0).normal(size=30)
@@ -251,7 +231,7 @@ def test_a_review_says_why_a_reading_was_first_not_valid_although_it_is_noisy_la
     assert list(review.table())[4]["why"] == "too fast"
 
 
-def test_a_doubted_reading_without_an_own_symptom_disagrees(calibrated: dict) -> None:
+def test_a_doubted_reading_without_an_own_symptom_disagrees(calibrated):
     robot, truth = calibrated["θ"]
     q_e = tp.simulate(robot, truth, "joint").q_e.copy()
     q_e[100:, 4] += 1e-4 * np.arange(len(q_e) - 100)
@@ -260,7 +240,7 @@ def test_a_doubted_reading_without_an_own_symptom_disagrees(calibrated: dict) ->
     assert bare and {list(review.table())[c]["why"] for c in bare} == {"disagrees"}
 
 
-def test_without_a_motors_reading_throughout_nothing_is_tested() -> None:
+def test_without_a_motors_reading_throughout_nothing_is_tested():
     h4 = tp.load("h4")
     q_e = tp.simulate(h4, controller="joint").q_e.copy()
     q_e[:, [0, 2]] = np.nan
@@ -277,12 +257,12 @@ def test_without_a_motors_reading_throughout_nothing_is_tested() -> None:
         *[("stop", 5.1), ("stop_lost", 5.1), ("effects", 3), ("carry", "yes")],
     ],
 )
-def test_settings_that_make_no_sense_are_refused(setting: str, value: object) -> None:
+def test_settings_that_make_no_sense_are_refused(setting, value):
     with pytest.raises(tp.InputError, match=setting):
-        tp.FaultMonitor(**{setting: value})  # type: ignore[arg-type]
+        tp.FaultMonitor(**{setting: value})
 
 
-def test_more_false_alarms_than_cycles_are_refused() -> None:
+def test_more_false_alarms_than_cycles_are_refused():
     with pytest.raises(tp.InputError, match="false_alarms"):
         tp.simulate(tp.load("h4"), monitor=tp.FaultMonitor(false_alarms=1e7))
 
@@ -294,12 +274,12 @@ FAULTS = (("q1", "dropout", None), ("q2", "bias", -0.5), ("q3", "sign", None))
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("reading, kind, size", FAULTS)
 def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
-    name: str, seed: int, reading: str, kind: str, size: float | None
-) -> None:
+    name, seed, reading, kind, size
+):
     robot = tp.load(name).expected()
     truth = robot.sample(seed)
-    fault = tp.faults.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, usual(robot), faults=[fault], monitor=tp.FaultMonitor())
+    fault = Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)
+    run = watched(robot, truth, usual(robot), fault)
     assert (np.diff(run.brakes) >= 0).all()  # none opens again
     motor = robot.readings.index(reading)
     assert run.brakes[-1] == 1 << motor
@@ -310,7 +290,6 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
         acceleration = np.gradient(rate, run.time, axis=0)
         forward = robot.inverse_dynamics(run.x_d, rate, acceleration)
         limit = robot.spec.chain[motor].torque_limit
-        assert limit is not None
         off = (run.torque - forward)[asked + 1 :, motor]
         assert np.abs(off).max() < 0.05 * limit
     weight = robot.inverse_dynamics(run.x_d[-1], rate[-1] * 0, rate[-1] * 0)
@@ -320,19 +299,17 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["h4", "delta"])
-def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
-    name: str, seed: int
-) -> None:
+def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(name, seed):
     robot = tp.load(name).with_sensors("theta" if name == "h4" else "z_telemeter").expected()
     truth = robot.sample(seed)
-    lost = [tp.faults.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
+    lost = [Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
     run = tp.simulate(
         robot,
         truth,
         "joint",
         faults=lost,
         monitor=tp.FaultMonitor(),
-        run=tp.simulation.Run(hold=0.3),
+        run=Run(hold=0.3),
     )
     held = run.brakes == (1 << robot.n) - 1
     assert held[-1]
@@ -342,12 +319,11 @@ def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
     assert np.abs(run.torque[held] - weight).max() < 0.05 * np.abs(weight).max()
 
 
-def test_thresholds_follow_from_the_robot() -> None:
+def test_thresholds_follow_from_the_robot():
     """The largest acceleration of all poses, friction, arms that deflect, noise of the torque."""
     h4 = tp.load("h4")
     controller = tp.Controller.for_robot(h4, tp.Effects())
     box = h4.spec.workspace
-    assert box is not None
     poses = np.random.default_rng(3).uniform(box.minimum, box.maximum, (30, h4.n))
     one = np.array([_core.fastest(h4.core, x[None])[0][0] for x in poses])
     assert (_fastest(h4.at_highest_level) >= one.max(axis=0)).all()  # a margin over any pose
@@ -375,7 +351,7 @@ def test_thresholds_follow_from_the_robot() -> None:
 
 
 @pytest.mark.parametrize("time", [0.0, 7200.0])
-def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time: float) -> None:
+def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time):
     effects, random = tp.Effects(), np.random.default_rng(1)
     joints = [f"u_joint{k}" for k in range(1, 7)]
     nominal = tp.load("stewart").with_sensors("z_telemeter", *joints).expected()
@@ -392,7 +368,7 @@ def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time
         control,
         effects=effects,
         monitor=monitor,
-        run=tp.simulation.Run(seed=0, time=time),
+        run=Run(seed=0, time=time),
     )
     assert not run.health.any()
     assert run.warm[-1] == (time > 0)

@@ -129,5 +129,5 @@ def test_a_file_that_says_nothing_of_gains_knows_them(h4):
 
 
 def test_a_motor_that_reads_nothing_is_refused(h4, tmp_path):
-    with pytest.raises(tp.InputError, match=r"^chain3.gain = 0: a motor whose encoder reads noth"):
+    with pytest.raises(tp.InputError, match=r"^chain3.gain = 0: must not be 0: the reading"):
         h4.replace({"chain3.gain": 0})

@@ -33,26 +33,10 @@ def test_jacobian_is_the_derivative_of_the_motion(any_robot, anywhere, rng):
         assert np.abs(np.transpose(central) - J).max() < 1e-7 * np.abs(J).max()
 
 
-def test_jacobian_of_the_h4_over_table_2(h4, table2):
-    h = 1e-5
-    q = h4.ikm(table2)[:, None, :]
-    step = h * np.eye(4)
-    central = (h4.fkm(q + step, table2[:, None]) - h4.fkm(q - step, table2[:, None])) / (2 * h)
-    J = h4.jacobian(table2)
-    error = np.abs(central.swapaxes(1, 2) - J).max(axis=(1, 2)) / np.abs(J).max(axis=(1, 2))
-    assert error.max() < 1e-7
-
-
 def test_jacobian_is_as_well_conditioned_as_the_derivation_says(h4, table2):
     scaled = h4.jacobian(table2) * np.array([1, 1, 1, 0.1])[:, None]
     condition = np.linalg.cond(scaled)
     assert (condition.min(), condition.max()) == pytest.approx((2.4, 4.4), abs=0.1)
-
-
-@pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter"), ()])
-def test_tej_undoes_m(h4, table2, sensors):
-    M, M_plus = h4.with_sensors(*sensors).tej(table2)
-    assert np.abs(M_plus @ M - np.eye(4)).max() < 1e-12
 
 
 @pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter")])

@@ -135,8 +135,8 @@ def test_a_pose_that_contradicts_the_rest_is_named(robot, poses, call):
         (([[0] * 6] * 2, [0] * 4), InputError, "known_pose: 2 rows of readings and 1 poses"),
         (([np.nan] * 6, [0] * 4), InputError, "known_pose: row 1: every motor must have been read"),
         (([0] * 6, [np.nan] * 4), InputError, "known_pose: row 1: must be 4 numbers (m, rad), NaN"),
-        (([0] * 6, [0] * 4, "a"), InputError, "known_pose: σ: must be a number or 4 of them"),
-        (([0] * 6, [0] * 4, -1), InputError, "reference_sigma"),
+        (([0] * 6, [0] * 4, "a"), InputError, "known_pose: σ: must be a number or 1 × 4 of them"),
+        (([0] * 6, [0] * 4, -1), InputError, "known_pose: σ = -1: must be 0 or greater"),
         (([9.0] * 6, [0] * 4), PoseError, "h4: known_pose: row 1: branch lost: units, signs and"),
     ],
 )

@@ -6,6 +6,7 @@ import pytest
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.robot.laws import LAWS
+from truepose.simulation import Run
 
 UNMEASURED = "needs a redundant sensor, and none is in use"
 ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
@@ -45,7 +46,7 @@ def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
     true = robot.replace({"chain1.rod": robot.parameters["chain1.rod"].value + 1e-4})
     runs = (
         lambda: tp.steady_state(robot, true, robot.home, law),
-        lambda: tp.simulate(robot, true, law, run=tp.simulation.Run(duration=0.3, hold=0.0)).x[-1],
+        lambda: tp.simulate(robot, true, law, run=Run(duration=0.3, hold=0.0)).x[-1],
         lambda: robot.cross_sensitivity(robot.home, law),
         lambda: tp.Controller.for_robot(robot, tp.Effects.none(), law),
     )
@@ -110,7 +111,7 @@ def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpo
 
 @pytest.mark.parametrize("law", ["weighted", "estimated"])
 def test_a_robot_without_tolerances_weighs_by_counts_alone(h4, law):
-    exact = tp.Robot(h4.spec.model_copy(update={"tolerances": {}}))
+    exact = h4.with_file(tolerances={})
     longer = exact.replace({"chain1.rod": 0.4801})
     x_d = np.array([0.02, 0, -0.4, 0.1])
     assert abs(tp.steady_state(exact, longer, x_d, law)[3] - 0.1) < abs(
@@ -128,9 +129,7 @@ def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, 
         with pytest.raises(tp.InputError, match=f"{UNMEASURED}: its file has none"):
             tp.simulate(robot, controller=law)
         return
-    run = tp.simulate(
-        robot, controller=law, run=tp.simulation.Run(start=robot.home, end=(robot.home + end) / 2)
-    )
+    run = tp.simulate(robot, controller=law, run=Run(start=robot.home, end=(robot.home + end) / 2))
     assert np.abs(run.error[-1]).max() < 1e-5
 
 

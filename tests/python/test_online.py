@@ -7,6 +7,7 @@ from fixtures import with_length_errors
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
+from truepose.simulation import Run
 
 
 @pytest.fixture
@@ -37,17 +38,6 @@ def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
     sigma = np.sqrt(np.diag(fit.covariance))
     scale = np.outer(sigma, sigma)
     assert online.covariance / scale == pytest.approx(fit.covariance / scale, abs=1e-4)
-
-
-def test_its_robot_estimates_the_pose_as_well_as_the_batchs(h4, lines, table2):
-    true, q_e = lines
-    online = tp.OnlineCalibrator(h4)
-    online.observe(q_e)
-    readings = true.read(table2, seed=1)
-    batch = tp.calibrate(h4, q_e).robot.estimate(readings)
-    own = online.robot.estimate(readings)
-    sigma = np.sqrt(np.diagonal(batch.covariance, axis1=-2, axis2=-1))
-    assert np.abs((own.x - batch.x) / sigma).max() < 0.3
 
 
 def test_the_first_line_is_kalmans(h4, table2):
@@ -90,24 +80,6 @@ def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng
         off = online.robot.estimate(last.read(table2, seed=3)).x - table2
         error[bool(drift)] = np.sqrt(np.mean(np.sum(off[:, :3] ** 2, axis=1)))
     assert error[True] < 0.2 * error[False]
-
-
-@pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter")])
-@pytest.mark.parametrize("level", ["ideal", "full"])
-def test_a_gross_error_teaches_nothing(h4, table2, rng, sensors, level):
-    robot = h4.with_sensors(*sensors)
-    poses = table2[rng.permutation(len(table2))[:300]]
-    q_e = robot.sample(5).read(poses, seed=6, level=level)
-    spoilt = q_e.copy()
-    spoilt[200, 4] += 0.2
-    gated, clean = (tp.OnlineCalibrator(robot, level=level) for _ in range(2))
-    gated.observe(spoilt)
-    clean.observe(q_e if len(sensors) > 1 else np.delete(q_e, 200, axis=0))
-    assert (gated.lines, gated.left_out, gated.stopped) == (299, 1, None)
-    # Where z is read as well, the line still teaches what z says of it.
-    within = 0.2 if len(sensors) > 1 else 1e-9
-    for name, learnt in clean.parameters.items():
-        assert abs(gated.parameters[name].value - learnt.value) <= within * learnt.sigma
 
 
 def position(online, robot, true, poses):
@@ -204,11 +176,11 @@ def test_one_that_stopped_stays_with_what_it_knew_and_names_the_reading(h4, tabl
 def test_a_controller_sees_that_its_learner_gave_up(h4):
     """All effects that the model omits at once: more than the readings' σ allows for."""
     true, online = with_length_errors(h4, 1), tp.OnlineCalibrator(h4)
-    run = tp.simulate(h4, true, "estimated", run=tp.simulation.Run(learn=online))
+    run = tp.simulate(h4, true, "estimated", run=Run(learn=online))
     assert not run.gave_up.any() and online.stopped is None
     prompt = tp.Controller(law="estimated")  # unstable with compliant arms
     again = tp.OnlineCalibrator(h4)
-    run = tp.simulate(h4, true, prompt, effects=tp.Effects(), run=tp.simulation.Run(learn=again))
+    run = tp.simulate(h4, true, prompt, effects=tp.Effects(), run=Run(learn=again))
     assert run.gave_up[-1] and again.stopped
     assert (np.diff(run.gave_up.astype(int)) >= 0).all()
 

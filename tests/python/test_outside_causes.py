@@ -5,8 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose import logs
-from truepose.calibration import CalibrationOptions
-from truepose.calibration.causes import column_check
+from truepose.calibration import CalibrationOptions, log_checks
 from truepose.logs import orientation
 from truepose.robot import frames
 
@@ -242,5 +241,5 @@ def test_healthy_robots_of_wide_tolerances_are_near_their_workspace():
     for seed in range(40):
         x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, 6))
         q_e = robot.sample(seed).at_highest_level.extended_positions(x)
-        assert column_check.plausible(robot, q_e) > 0.9
-        assert column_check.plausible(robot, q_e + 0.3) < 0.5
+        assert log_checks.plausible(robot, q_e) > 0.9
+        assert log_checks.plausible(robot, q_e + 0.3) < 0.5

@@ -9,6 +9,7 @@ import pytest
 import truepose as tp
 from truepose.robot.frames import rotation, rotation_vector
 from truepose.robot.laws import LAWS
+from truepose.simulation import Circle, Line, Run, SampledPath, Waypoints
 from truepose.simulation.paths import Function
 
 PERIOD = 1e-3
@@ -34,14 +35,14 @@ def kinds(robot):
     poses = waypoints(robot)
     limits = {"linear": (0.5, 5, 200), "angular": (3, 30, 1000)}
     made = {
-        "way-points": tp.simulation.Waypoints(poses=poses, duration=0.2),
-        "line": tp.simulation.Line(start=poses[0], end=poses[1], duration=0.3),
-        "jerk-limited": tp.simulation.Waypoints(poses=poses, **limits),
-        "sampled": tp.simulation.SampledPath(time=[0, 0.2, 0.5], x=poses),
-        "hermite": tp.simulation.SampledPath(time=[0, 0.2, 0.5], x=poses, rate=0.1 * poses),
+        "way-points": Waypoints(poses=poses, duration=0.2),
+        "line": Line(start=poses[0], end=poses[1], duration=0.3),
+        "jerk-limited": Waypoints(poses=poses, **limits),
+        "sampled": SampledPath(time=[0, 0.2, 0.5], x=poses),
+        "hermite": SampledPath(time=[0, 0.2, 0.5], x=poses, rate=0.1 * poses),
     }
     if sum(unit == "m" for _, unit in robot.coordinates) > 1:
-        made["circle"] = tp.simulation.Circle(centre=poses[0], radius=0.01, frequency=3, turns=2)
+        made["circle"] = Circle(centre=poses[0], radius=0.01, frequency=3, turns=2)
     return made
 
 
@@ -66,29 +67,20 @@ def test_a_hexapods_samples_are_passed_and_turns_go_on(rng):
     spin = np.stack([0.2 * np.sin(3 * time), 0 * time, 5.0 * time], axis=1)
     x = np.concatenate([0.01 * np.outer(time, [1, 2, 3]), rotation_vector(rotation(spin))], axis=1)
     assert np.abs(np.diff(x[:, 5])).max() > 3  # the vector's own jump at π
-    path = tp.simulation.SampledPath(
+    path = SampledPath(
         time=time, x=x, rate=np.gradient(x, time, axis=0) * 0 + [0.01, 0.02, 0.03, 0, 0, 5]
     )
     found = path.setpoints(stewart, 1 / 59)
     assert np.abs(rotation(found.x[:, 3:]) - rotation(x[:, 3:])).max() < 1e-9
     assert found.rate == pytest.approx(np.tile([0.01, 0.02, 0.03, 0, 0, 5], (60, 1)), abs=1e-9)
-    smooth = tp.simulation.SampledPath(time=time, x=x).setpoints(stewart, 1e-3)
+    smooth = SampledPath(time=time, x=x).setpoints(stewart, 1e-3)
     assert np.abs(smooth.rate).max() < 15
-
-
-def test_two_way_points_are_the_default_move(h4, truth):
-    poses = [[0, 0, -0.5, 0], [0.1, -0.1, -0.4, 0.2]]
-    alone = tp.simulate(h4, truth, run=tp.simulation.Run(seed=3))
-    run = tp.simulate(h4, truth, path=poses, run=tp.simulation.Run(seed=3))
-    assert run.time.shape == alone.time.shape
-    assert run.x == pytest.approx(alone.x, abs=1e-9)
-    assert run.status == alone.status == "ok"
 
 
 def test_way_points_rest_at_each_and_hold_the_last(h4):
     poses = waypoints(h4)
-    path = tp.simulation.Waypoints(poses=poses, duration=0.2)
-    run = tp.simulate(h4.without_quantization(), path=path, run=tp.simulation.Run(hold=0.1))
+    path = Waypoints(poses=poses, duration=0.2)
+    run = tp.simulate(h4.without_quantization(), path=path, run=Run(hold=0.1))
     for k in range(3):
         assert run.x_d[200 * k] == pytest.approx(poses[k], abs=1e-12)
     assert len(run.time) == 501 and (run.x_d[400:] == run.x_d[-1]).all()
@@ -98,9 +90,7 @@ def test_way_points_rest_at_each_and_hold_the_last(h4):
 def test_a_pose_said_twice_takes_no_time_within_limits(h4):
     a, b = waypoints(h4)[:2]
     once, twice = (
-        tp.simulation.Waypoints(poses=p, linear=(1, 9, 99), angular=(1, 9, 99)).setpoints(
-            h4, PERIOD
-        )
+        Waypoints(poses=p, linear=(1, 9, 99), angular=(1, 9, 99)).setpoints(h4, PERIOD)
         for p in ([a, b], [a, a, b, b])
     )
     for one, other in zip(once, twice, strict=True):
@@ -110,7 +100,7 @@ def test_a_pose_said_twice_takes_no_time_within_limits(h4):
 def test_jerk_limited_moves_keep_their_limits_and_use_them(h4):
     poses = np.array([[0, 0, -0.4, 0], [0.1, 0, -0.4, 0], [0.1, 0.05, -0.45, 0.5]])
     limits = {"linear": (0.5, 8, 400), "angular": (4, 60, 3000)}
-    found = tp.simulation.Waypoints(poses=poses, **limits).setpoints(h4, PERIOD)
+    found = Waypoints(poses=poses, **limits).setpoints(h4, PERIOD)
     for k, columns in (("linear", slice(3)), ("angular", slice(3, 4))):
         speed, acceleration, jerk = limits[k]
         assert np.linalg.norm(found.rate[:, columns], axis=1).max() <= speed * (1 + 1e-9)
@@ -127,7 +117,7 @@ def test_jerk_limited_moves_keep_their_limits_and_use_them(h4):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_circle_is_followed_by_every_law(h4, law):
     """50 mm at 2 Hz, without effects: at most 0.03 mm off it, at the soft gains 0.3 mm."""
-    circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
+    circle = Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
     for gains in ({}, {"frequency": 40, "velocity_bandwidth": 300}):
         controller = tp.Controller(law=law, **gains)
         run = tp.simulate(h4.without_quantization(), controller=controller, path=circle)
@@ -137,7 +127,7 @@ def test_a_circle_is_followed_by_every_law(h4, law):
 
 
 def test_a_circle_has_its_plane_and_its_turns(h4):
-    tilted = tp.simulation.Circle(
+    tilted = Circle(
         centre=[0, 0, -0.42, 0.3], radius=0.02, frequency=4, turns=1.5, normal=(1, 0, 0), ramp=0.1
     )
     x, rate, _ = tilted.setpoints(h4, PERIOD)
@@ -163,7 +153,7 @@ def test_a_function_of_time_is_derived_as_if_it_said_it_itself(h4):
     assert spline.x == pytest.approx(exact.x, abs=1e-12)
     assert spline.rate == pytest.approx(exact.rate, abs=1e-7)
     assert spline.acceleration == pytest.approx(exact.acceleration, abs=1e-3)
-    assert len(tp.simulate(h4, path=pose, run=tp.simulation.Run(duration=0.5, hold=0)).time) == 501
+    assert len(tp.simulate(h4, path=pose, run=Run(duration=0.5, hold=0)).time) == 501
 
 
 def test_any_object_with_setpoints_is_a_path(h4):
@@ -172,27 +162,26 @@ def test_any_object_with_setpoints_is_a_path(h4):
             x = np.tile(robot.home, (50, 1))
             return x, 0 * x, 0 * x
 
-    run = tp.simulate(h4.without_quantization(), path=Still(), run=tp.simulation.Run(hold=0))
+    run = tp.simulate(h4.without_quantization(), path=Still(), run=Run(hold=0))
     assert len(run.time) == 50 and np.abs(run.error).max() < 1e-9
 
 
 def limited(robot, **values):
-    chains = tuple(chain.model_copy(update=values) for chain in robot.spec.chain)
-    return tp.Robot(robot.spec.model_copy(update={"chain": chains}))
+    return robot.with_each("chain", lambda _: values)
 
 
 def test_a_path_that_leaves_the_workspace_is_refused_before_anything_moves(h4, monkeypatch):
     monkeypatch.delattr("truepose._core.Loop")
     line = r"^h4: path at t = 0\.\d+ s: pose x = \[.*\]: chain \d: (unreachable|beyond a joint l)"
     with pytest.raises(tp.PoseError, match=line):
-        tp.simulate(h4, path=[h4.home, [0, 0, -2, 0]], run=tp.simulation.Run(duration=2))
+        tp.simulate(h4, path=[h4.home, [0, 0, -2, 0]], run=Run(duration=2))
     with pytest.raises(tp.PoseError, match=r"^h4: path at t = 0\.\d+ s: .*branch lost"):
         tp.simulate(limited(h4, torque_limit=None), path=[h4.home, [0, 0, -0.4, 3.0]])
 
 
 def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch):
     """At the moment, and of the motor, that the robot's own rates and torques say."""
-    path = tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0], [0.1, 0.05, -0.4, 0.2]], duration=0.15)
+    path = Waypoints(poses=[[0, 0, -0.4, 0], [0.1, 0.05, -0.4, 0.2]], duration=0.15)
     points = path.setpoints(h4, PERIOD)
     q = h4.ikm(points.x)
     rates, torques = np.gradient(q, PERIOD, axis=0), h4.inverse_dynamics(*points)
@@ -212,24 +201,24 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
     [
         ([[0, 0, -0.4, 0]], r"path: shape (1, 4), must be (N, 4), N at least 2"),
         ([[0, 0, -0.4]] * 2, "path: shape (2, 3), must be (..., 4) for h4"),
-        (tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0]] * 2, duration=0), "duration = 0: must be"),
+        (Waypoints(poses=[[0, 0, -0.4, 0]] * 2, duration=0), "duration = 0: must be"),
         (
-            tp.simulation.Line(start=[0] * 4, end=[1] * 4, linear=(1, 0, 1)),
+            Line(start=[0] * 4, end=[1] * 4, linear=(1, 0, 1)),
             "linear = (1, 0, 1): must be",
         ),
         (
-            tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0], [0, 0, -0.4, 1]], linear=(1, 1, 1)),
+            Waypoints(poses=[[0, 0, -0.4, 0], [0, 0, -0.4, 1]], linear=(1, 1, 1)),
             "path: move 1 is a pure rotation: give its limits too",
         ),
-        (tp.simulation.Circle(centre=[0] * 4, radius=0, frequency=1), "radius = 0: must be"),
-        (tp.simulation.Circle(centre=[0] * 4, radius=1, frequency=1, ramp=2), "ramp = 2: must be"),
+        (Circle(centre=[0] * 4, radius=0, frequency=1), "radius = 0: must be"),
+        (Circle(centre=[0] * 4, radius=1, frequency=1, ramp=2), "ramp = 2: must be"),
         (
-            tp.simulation.Circle(centre=[0] * 4, radius=1, frequency=1, normal=(0, 0, 0)),
+            Circle(centre=[0] * 4, radius=1, frequency=1, normal=(0, 0, 0)),
             "normal = (0, 0, 0)",
         ),
-        (tp.simulation.SampledPath(time=[0, 0], x=[[0] * 4] * 2), "time: must be finite and rise"),
+        (SampledPath(time=[0, 0], x=[[0] * 4] * 2), "time: must be finite and rise"),
         (
-            tp.simulation.SampledPath(time=[0, 1, 2], x=[[0] * 4] * 2),
+            SampledPath(time=[0, 1, 2], x=[[0] * 4] * 2),
             "path: shapes time (3,), x (2, 4)",
         ),
         (lambda t: [t, 0], "path: returns shape (2,), must be (4,) or (3, 4)"),
@@ -244,12 +233,12 @@ def test_a_path_says_what_is_wrong_with_it(h4, path, message):
 
 def test_a_path_names_all_poses_itself(h4):
     with pytest.raises(tp.InputError, match=r"^path: names all poses itself: leave out start and"):
-        tp.simulate(h4, path=[h4.home, h4.home], run=tp.simulation.Run(start=h4.home))
+        tp.simulate(h4, path=[h4.home, h4.home], run=Run(start=h4.home))
 
 
 def test_what_is_not_installed_is_named_with_its_extra(h4, monkeypatch):
     monkeypatch.setitem(sys.modules, "ruckig", None)
-    path = tp.simulation.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 9, 99))
+    path = Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 9, 99))
     with pytest.raises(tp.TrueposeError, match=r"ruckig: pip install 'truepose\[paths\]'$"):
         tp.simulate(h4, path=path)
 
@@ -274,7 +263,7 @@ def test_a_law_of_ones_own_stays_within_the_motors_limits_and_says_what_is_wrong
     def jumps(robot, x_d, q_e):
         return robot.ikm(x_d) - q_e[:4] + 0.05 * (x_d[0] > 0.01)
 
-    run = tp.simulate(h4, controller=jumps, run=tp.simulation.Run(hold=0))
+    run = tp.simulate(h4, controller=jumps, run=Run(hold=0))
     assert np.abs(run.torque).max() == limit
     with pytest.raises(ZeroDivisionError):
         tp.simulate(h4, controller=tp.Controller(law=lambda *_: 1 / 0))

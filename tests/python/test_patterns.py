@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.robotfile.pattern import expand, turned
+from truepose.robotfile.pattern import copies, turned, turned_copies
 
 
 @pytest.mark.parametrize("about", ["x", "y", "z"])
@@ -31,7 +31,7 @@ def test_a_quarter_of_a_turn_leaves_no_rounding():
 
 def test_two_alternating_chains_stay_neighbours():
     motif = [{"base": [1, 0, 0], "arm": 1.0}, {"base": [2, 0, 0], "arm": [1.0, 2.0, 3.0]}]
-    chains = expand(motif, 3, "z")
+    chains = turned_copies(copies(motif, 3), 3, "z")
     assert [round(np.hypot(*c["base"][:2])) for c in chains] == [1, 2, 1, 2, 1, 2]
     assert [c["arm"] for c in chains] == [1, 1, 1, 2, 1, 3]
 

@@ -17,8 +17,11 @@ def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):
     assert sets[:3] == [(), ("theta",), ("theta", "z_telemeter")]
     assert set(sets[-1]) == {s.name for s in h4.spec.sensor} and len(set(sets)) == len(sets)
     for robot in map(tp.load, tp.list_robots()):
-        for names in prediction.sensor_sets(robot):
-            assert robot.with_sensors(*names).r == len(names)
+        sets = prediction.sensor_sets(robot)
+        assert all(robot.with_sensors(*names).r == len(names) for names in sets)
+        kinds = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
+        for kind in kinds.values():
+            assert (*robot.sensors, *(name for name in kinds if kinds[name] == kind)) in sets
 
 
 def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
@@ -52,7 +55,7 @@ def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
 
 def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
     box = h4.spec.workspace.model_copy(update={"minimum": (-1.0, -0.1, -0.45, -0.5)})
-    robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
+    robot = h4.with_file(workspace=box)
     found = prediction.predict(robot, [["theta"]])
     assert found.left_out > 100 and len(found.poses) + found.left_out == 625
     assert np.isfinite(found.sigma["as built"]).all()
@@ -96,31 +99,22 @@ def test_the_predicted_error_of_a_law_is_that_of_sampled_robots(name, law, anywh
     assert prediction.steady_state_error(robot, x, law) == pytest.approx(sampled, rel=0.12)
 
 
-def test_the_overview_names_the_best_law_sensors_and_poses(run, h4):
-    status, out, _ = run("accuracy", "h4")
-    assert status == 0 and re.search(r"Self-calibrated on 160 poses, all 11: 0\.\d+ mm", out)
-    found = prediction.predict(h4, [["theta"], ["theta", "wire1", "wire2", "wire3"]])
-    table = prediction.overview(found)
-    assert [row[0] for row in table.rows] == ["theta, wire*", "theta"]  # the best first
-    half = np.random.default_rng(0).permutation(found.poses)[:40]
-    known = tp.accuracy(h4, found.poses, calibrated_on=half).rms
-    assert table.records()[1]["40 poses (mm)"] == pytest.approx(1e3 * known)
-    assert "the bound uses the mean: chain1.arm" in run("accuracy", "h4")[1]
-
-
-def test_the_overview_is_that_of_a_referenced_robot(run, h4):
-    found = prediction.predict(h4, [["theta"], ["theta", "wire*"]], reference_pose=h4.home)
+@pytest.mark.parametrize("referenced", [False, True])
+def test_the_overview_names_the_best_law_sensors_and_poses(run, h4, referenced):
+    home = h4.home if referenced else None
+    found = prediction.predict(h4, [["theta"], ["theta", "wire*"]], reference_pose=home)
     table = prediction.overview(found)
     half = np.random.default_rng(0).permutation(found.poses)[:40]
+    columns = {"40 poses (mm)": half} | ({"referenced (mm)": None} if referenced else {})
     for record, names in zip(table.records(), (["theta", "wire*"], ["theta"]), strict=True):
-        robot = h4.with_sensors(*names)
-        for visited, column in ((None, "referenced (mm)"), (half, "40 poses (mm)")):
-            known = tp.accuracy(robot, found.poses, visited, h4.home).rms
+        for column, visited in columns.items():  # the best first
+            known = tp.accuracy(h4.with_sensors(*names), found.poses, visited, home).rms
             assert record[column] == pytest.approx(1e3 * known)
-    words = ("--sensors", "theta", "--reference-pose", "0,0,-0.4,0")
+    words = ("--sensors", "theta", *(("--reference-pose", "0,0,-0.4,0") if referenced else ()))
     out = " ".join(run("accuracy", "h4", *words)[1].split())
-    assert re.search(r"Referenced, theta: 0\.\d+ mm", out)
-    assert re.search(r"on 160 poses and referenced, theta: 0\.\d+ mm", out)
+    assert re.search(rf"on 160 poses{' and referenced' * referenced}, theta: \d\.\d+ mm", out)
+    assert bool(re.search(r"Referenced, theta: 0\.\d+ mm", out)) == referenced
+    assert "the bound uses the mean: chain1.arm" in out
 
 
 def test_the_command_draws_a_map(run, tmp_path):

@@ -9,30 +9,48 @@ import tomlkit
 import truepose as tp
 from truepose.robot.units import unit_of
 from truepose.robotfile import quantities, reading
+from truepose.robotfile.pattern import LISTS, TURNED
 from truepose.robotfile.to_core import drawn
 
 WRITTEN = {"m": ("mm", 1e3), "rad": ("deg", 180 / math.pi)}
 
 
-def in_mm(data, value, bare, path=()):
-    """Write every number that has a length or an angle's unit in mm or degrees."""
+def in_mm(data, bare):
+    """Return a file's data with its lengths and angles in mm and degrees."""
+    whole = reading.written_out(data)[0]
+    units, motif = quantities.Units(whole), len(data.get("chain", ()))
+
+    def unit(value, path):
+        if not isinstance(value, float):
+            return ""
+        if path[0] == "chain_defaults":
+            path = ("chain", 0, *path[1:])
+        if path[0] == "chain" and path[2] not in TURNED and len(path) > 3 + (path[2] in LISTS):
+            path = ("chain", path[1] + motif * path[3], path[2])  # a value for each copy
+        return "".join(units(path))
+
+    return converted(data, bare, unit)
+
+
+def converted(value, bare, unit, path=()):
+    """Write every number in the unit that people read."""
     if isinstance(value, dict):
-        return {key: in_mm(data, of, bare, (*path, key)) for key, of in value.items()}
+        return {key: converted(of, bare, unit, (*path, key)) for key, of in value.items()}
     if isinstance(value, list):
-        return [in_mm(data, of, bare, (*path, k)) for k, of in enumerate(value)]
-    of = "".join(quantities.Units(data)(path)) if isinstance(value, float) else ""
+        return [converted(of, bare, unit, (*path, k)) for k, of in enumerate(value)]
+    of = unit(value, path)
     if of not in WRITTEN:
         return value
-    unit, factor = WRITTEN[of]
-    return value * factor if bare else f"{value * factor!r} {unit}"
+    name, factor = WRITTEN[of]
+    return value * factor if bare else f"{value * factor!r} {name}"
 
 
 @pytest.mark.parametrize("bare", [False, True])
 @pytest.mark.parametrize("name", tp.list_robots())
-def test_a_file_in_mm_and_degrees_is_the_same_robot(name, bare, tmp_path):
+def test_a_file_in_mm_and_degrees_is_the_same_robot_and_saved_in_them(name, bare, tmp_path, rng):
     robot = tp.load(name)
     data = reading.table_of(robot.spec._text)
-    written = in_mm(data, data, bare)
+    written = in_mm(data, bare)
     if bare:
         written = {"units": ["mm", "deg"]} | written
     text = tomlkit.dumps(written)
@@ -42,10 +60,7 @@ def test_a_file_in_mm_and_degrees_is_the_same_robot(name, bare, tmp_path):
     read = tp.load(path)
     now, then = (each.spec.model_dump() for each in (read, robot))
     assert same(now, then)
-    again = tmp_path / "again.toml"
-    read.save(again)
-    assert ('"mm"' if bare else " mm") in again.read_text(encoding="utf-8")
-    assert same(tp.load(again).spec.model_dump(), then)
+    assert ('"mm"' if bare else " mm") in saved_again(read, rng, tmp_path)
 
 
 def test_a_file_in_mm_may_be_based_on_a_robot_in_metres(tmp_path):
@@ -53,15 +68,14 @@ def test_a_file_in_mm_may_be_based_on_a_robot_in_metres(tmp_path):
     path.write_text(
         'based_on = "h4"\nunits = ["mm", "deg"]\nparameters."chain1.rod" = 480.5\n'
         'chain_defaults.limits = ["-0.5 rad", 90]\n'
-        'tolerances."chain*.rod" = { sigma = 0.1, price_steps = [{ sigma = 0.05, price = 30 }] }\n',
+        'tolerances."chain*.rod" = { sigma = 0.1 }\n',
         encoding="utf-8",
     )
     robot, h4 = tp.load(path), tp.load("h4")
     assert robot.parameters["chain1.rod"].value == pytest.approx(0.4805, abs=1e-15)
     assert robot.parameters["chain2.rod"].value == h4.parameters["chain2.rod"].value
     assert robot.spec.chain[0].limits == pytest.approx((-0.5, math.pi / 2))
-    step = robot.spec.tolerances["chain*.rod"].price_steps[0]
-    assert step.sigma == pytest.approx(5e-5) and step.price == 30
+    assert robot.spec.tolerances["chain*.rod"].sigma == pytest.approx(1e-4)
     longer = robot.replace({"chain1.rod": 0.481, "chain2.encoder_offset": 0.02})
     longer.save(tmp_path / "longer.toml")
     again = tp.load(tmp_path / "longer.toml")
@@ -140,7 +154,7 @@ def test_tolerances_have_units_too(h4_text, tmp_path):
 def in_mm_and_degrees(text: str) -> str:
     """Return a robot file's text with bare numbers in mm and degrees."""
     data = reading.table_of(text)
-    return tomlkit.dumps({"units": ["mm", "deg"]} | in_mm(data, data, True))
+    return tomlkit.dumps({"units": ["mm", "deg"]} | in_mm(data, True))
 
 
 #: A pattern whose copies have motors of two kinds.
@@ -198,19 +212,22 @@ def test_one_number_for_lengths_and_angles_is_refused(glob, tmp_path):
             tp.load(path)
 
 
-@pytest.mark.parametrize("name", [*tp.list_robots(), "copies"])
-def test_robots_written_by_truepose_in_mm_and_degrees_are_read_back(name, tmp_path, rng):
-    text = in_mm_and_degrees(tp.load("delta" if name == "copies" else name).spec._text)
-    path, again = tmp_path / "robot.toml", tmp_path / "again.toml"
-    if name == "copies":  # a pattern's copies have tolerances of their own
-        text = text.partition("[tolerances]")[0] + (
-            '[tolerances]\n"chain2.base.x" = { sigma = 0.3 }\n"chain3.rod" = { interval = [-1, 1] }'
-            '\n"chain2.yaw" = { sigma = 0.1 }\n"chain3.encoder_offset" = { sigma = 0.1 }\n'
-        )
+def saved_again(robot, rng, folder):
+    """Save a robot with other values, which is read back; return the file's text."""
+    values = {key: one.value + 1e-3 * rng.random() for key, one in robot.parameters.items()}
+    changed, again = robot.replace(values), folder / "again.toml"
+    changed.save(again)
+    assert tp.load(again).parameters == changed.parameters
+    return again.read_text(encoding="utf-8")
+
+
+def test_copies_of_a_pattern_have_tolerances_of_their_own(tmp_path, rng):
+    text = in_mm_and_degrees(tp.load("delta").spec._text).partition("[tolerances]")[0] + (
+        '[tolerances]\n"chain2.base.x" = { sigma = 0.3 }\n"chain3.rod" = { interval = [-1, 1] }'
+        '\n"chain2.yaw" = { sigma = 0.1 }\n"chain3.encoder_offset" = { sigma = 0.1 }\n'
+    )
+    path = tmp_path / "robot.toml"
     path.write_text(text, encoding="utf-8")
     robot = tp.load(path)
-    values = {key: one.value + 1e-3 * rng.random() for key, one in robot.parameters.items()}
-    robot.replace(values).save(again)
-    read = tp.load(again)
-    assert read.parameters == robot.replace(values).parameters
-    assert (read.extended_positions(read.home) != robot.extended_positions(robot.home)).all()
+    assert robot.parameters["chain2.yaw"].sigma == pytest.approx(math.radians(0.1))
+    saved_again(robot, rng, tmp_path)

@@ -1,8 +1,6 @@
 """The rooms of the package: imports, public names, and the core without each integration."""
 
-import ast
 import importlib
-import inspect
 import os
 import pkgutil
 import shutil
@@ -16,21 +14,13 @@ import truepose as tp
 from truepose.plugins import plugins
 
 ROOT = Path(tp.__file__).parent
-SOURCES = sorted(ROOT.rglob("*.py"))
-ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
 
-def test_no_room_hides_a_public_function():
-    names = {path.stem for path in ROOT.iterdir() if not path.name.startswith("_")}
-    functions = {name for name in tp.__all__ if not inspect.ismodule(getattr(tp, name))}
-    assert names.isdisjoint(functions)
-
-
-def test_the_api_works_once_every_module_is_imported():
+def test_the_api_works_once_every_module_is_imported(h4):
     for module in pkgutil.walk_packages(tp.__path__, "truepose."):
         importlib.import_module(module.name)
     assert "h4" in tp.list_robots()
-    robot = tp.load("h4")
+    robot = h4
     truth = robot.sample(1)
     run = tp.simulate(robot, truth, tp.Controller(law="tej"), effects=tp.Effects.none())
     assert run.status == "ok"
@@ -38,40 +28,6 @@ def test_the_api_works_once_every_module_is_imported():
     assert tp.accuracy(robot, poses).shape == (2, 4, 4)
     assert tp.calibrate(robot, truth.extended_positions([run.x[0], run.x[-1]])).robot.n == 4
     assert len(robot.assembly_modes(robot.ikm(robot.home), starts=50)) >= 1
-
-
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_only_rooms_and_the_compiled_module_come_from_the_root(path):
-    """The contract leaves out imports of the root, as which the linter takes those of `_core`."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            assert all(name.name != "truepose" for name in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module == "truepose":
-            assert {name.name for name in node.names} <= ROOMS
-
-
-def loaded(*words: str, keep: tuple[str, ...] = ("truepose",)) -> set[str]:
-    """Modules that a program has loaded in the end, those that begin so."""
-    program = "import sys\n" + "\n".join(words) + "\nprint(*sys.modules, sep='\\n')"
-    out = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    ).stdout
-    return {line for line in out.split() if line.startswith(keep)}
-
-
-def command(*words: str) -> str:
-    """Lines that run a command."""
-    return (
-        f"sys.argv = {['truepose', *words]!r}\n"
-        "from truepose.commands.cli import app\n"
-        "app(standalone_mode=False)"
-    )
-
-
-@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate"])
-def test_help_loads_no_plots(name):
-    assert not loaded(command(*filter(None, (name, "--help"))), keep=("matplotlib",))
 
 
 INTEGRATIONS = sorted(path.parent.name for path in (ROOT / "integrations").glob("*/__init__.py"))

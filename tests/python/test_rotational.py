@@ -74,8 +74,7 @@ def test_torque_times_rate_is_the_same_at_the_joints_as_at_the_motors(name, anyw
 
 def test_motors_that_hold_the_foot_hold_its_weight_about_its_axes(pivot):
     """Statics without truepose's dynamics: the weight's moment about each axis, of all masses 0."""
-    bare = [c.model_copy(update={"arm_mass": 0, "rod_mass": 0}) for c in pivot.spec.chain]
-    robot = tp.Robot(pivot.spec.model_copy(update={"chain": tuple(bare)}))
+    robot = pivot.with_each("chain", lambda _: {"arm_mass": 0, "rod_mass": 0})
     x, still = 0.5 * np.array(robot.spec.workspace.maximum), np.zeros(robot.n)
     frame = frames(robot, x)
     centre = frame[:3, 3] + frame[:3, :3] @ robot.spec.platform.centre
@@ -122,7 +121,7 @@ SPOILED = [
     ('name = "roll"', 'name = "pitch"', "two axes have the same name: pitch"),
     ('name = "roll"', 'name = "time"', "axis time: logs and parameters use this name"),
     ('name = "roll"', 'name = "a roll"', "axis.2.name = 'a roll': string should match"),
-    ("[-0.2618, 0.2618]", "[-15, 15]", "axis.2: limits = -15, 15 rad: more than a turn"),
+    ("[-0.2618, 0.2618]", "[-15, 15]", r"axis.2.limits = .*: -15, 15 rad: more than a turn"),
     ("[-0.2618, 0.2618]", "[15, -15]", r"axis.2.limits = \[15, -15\]: must be \[low, high\]"),
     (
         "[-0.2618, 0.2618]",
@@ -172,8 +171,8 @@ def test_a_spoiled_file_is_told_what_is_wrong(g1, tmp_path, old, new, line):
 @pytest.mark.parametrize("chains", [(0,), (0, 1)])
 def test_rods_through_their_axes_give_no_torque(chains):
     """Of the X1's ankle, whose axes meet: one rod through both axes, or two through the roll's."""
-    spec = tp.load("x1-ankle").spec
-    chain = list(spec.chain)
+    robot = tp.load("x1-ankle")
+    chain = list(robot.spec.chain)
     for i in chains:
         anchor = np.array([0.0 if chains == (0,) else -0.041, 0.0, 0.0])
         B = np.array(chain[i].base) + chain[i].arm * np.array(chain[i].arm_zero)
@@ -185,7 +184,7 @@ def test_rods_through_their_axes_give_no_torque(chains):
         else "no motor turns axis roll: every rod's line runs through it, or along it"
     )
     with pytest.raises(tp.RobotFileError, match=f"singular: {said}$"):
-        tp.Robot(spec.model_copy(update={"chain": tuple(chain)}))
+        robot.with_file(chain=tuple(chain))
 
 
 def test_sensors_of_other_mobilities_are_refused(h4_text, g1, tmp_path):
@@ -217,9 +216,10 @@ def g1_poses() -> np.ndarray:
 
 def g1_with(names: str) -> tp.Robot:
     """Its IMU mounted exactly: noise and bias alone are in the figures."""
-    spec = tp.load("g1-ankle").spec
-    kept = {n: t for n, t in spec.tolerances.items() if not n.startswith(("foot_p", "foot_r"))}
-    robot = tp.Robot(spec.model_copy(update={"tolerances": kept}))
+    robot = tp.load("g1-ankle")
+    every = robot.spec.tolerances.items()
+    kept = {name: of for name, of in every if not name.startswith(("foot_p", "foot_r"))}
+    robot = robot.with_file(tolerances=kept)
     return robot.with_sensors(*names.split(",") if names in OUTSIDE and "_" in names else ())
 
 

@@ -27,8 +27,8 @@ def delayed(robot, *names):
 
 
 @pytest.mark.parametrize("law", ["joint", "tej", "cartesian", "weighted", "estimated"])
-def test_laws(kept, law):
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+def test_laws(kept, h4, law):
+    h4 = h4.with_sensors("theta", "z_telemeter")
     truth, found = h4.sample(3), {}
     controller = tp.Controller(law=law, integral=2.0, gains="diagonal", feed_forward="gravity")
     for name, options in {
@@ -37,7 +37,7 @@ def test_laws(kept, law):
         "effects": {"effects": tp.Effects(), "time": 600.0, "hold": 0.02, "seed": 3},
     }.items():
         found[name] = tried(tp.simulate, h4, truth, **{"controller": law, **options})
-    slow = delayed(tp.load("h4"), "theta", "z_telemeter")
+    slow = delayed(h4, "theta", "z_telemeter")
     found["delayed"] = tp.simulate(
         slow, slow.sample(3), law, effects=tp.Effects(), run=tp.simulation.Run(hold=0.02)
     )
@@ -45,25 +45,6 @@ def test_laws(kept, law):
         tp.load("neck"), tp.load("neck").sample(3), law, run=tp.simulation.Run(hold=0.02)
     )
     kept(answer({name: numbers(run) for name, run in found.items()}))
-
-
-def by_tej(robot, x_d, q_e):
-    """Return the motor error of the paper's law."""
-    return robot.tej(x_d)[1] @ (robot.extended_positions(x_d) - q_e)
-
-
-@pytest.mark.parametrize("feed_forward", ["full", "gravity", "none"])
-def test_own_law_of(kept, feed_forward):
-    h4 = tp.load("h4")
-    own = {"law": by_tej, "feed_forward": feed_forward, "integral": 1.0}
-    runs = [
-        tp.simulate(
-            h4, h4.sample(2), tp.Controller(gains=gains, **own), run=tp.simulation.Run(hold=0.05)
-        )
-        for gains in ("inertia", "diagonal")
-    ]
-    rest = tp.steady_state(h4, h4.sample(2), some(h4), tp.Controller(law=by_tej), gravity=True)
-    kept(answer([*map(numbers, runs), rest]))
 
 
 @pytest.mark.parametrize("name", ["h4", "stewart", "neck"])
@@ -76,8 +57,8 @@ def test_steady_state(kept, name):
     kept(answer(found))
 
 
-def test_path_accuracy(kept):
-    h4, delta = tp.load("h4"), tp.load("delta")
+def test_path_accuracy(kept, h4):
+    delta = tp.load("delta")
     circle = tp.simulation.Circle(centre=h4.home, radius=0.05, frequency=1.5, turns=1.2)
     line = tp.simulation.Line(start=some(delta)[0], end=some(delta)[1], duration=0.3)
     way = tp.simulation.Waypoints(poses=some(delta, 4), duration=0.2)
@@ -93,33 +74,10 @@ def test_path_accuracy(kept):
     kept(answer(found))
 
 
-@pytest.mark.parametrize("case", ["circle", "line", "way", "samples"])
-def test_path(kept, case):
-    delta, of = tp.load("delta"), tp.simulation
-    x = some(delta, 4)
-    path = {
-        "circle": lambda: of.Circle(
-            centre=delta.home, radius=0.03, frequency=2.0, turns=0.6, ramp=0.1, normal=(0, 1, 1)
-        ),
-        "line": lambda: of.Line(start=x[0], end=x[1], linear=(0.5, 4.0, 80.0)),
-        "way": lambda: of.Waypoints(poses=x, duration=0.12),
-        "samples": lambda: of.SampledPath(
-            time=[0, 0.1, 0.2, 0.3], x=x[0] + np.outer([0, 0.002, 0.006, 0.007], [1, 2, -1])
-        ),
-    }[case]()
-    kept(
-        answer(
-            numbers(
-                tp.simulate(delta, delta.sample(2), path=path, run=tp.simulation.Run(hold=0.05))
-            )
-        )
-    )
-
-
 @pytest.mark.parametrize("law", ["joint", "tej", "weighted"])
-def test_margins_of(kept, law):
-    h4 = tp.load("h4").sample(2)
-    slow = delayed(tp.load("h4"), "theta").sample(2)
+def test_margins_of(kept, h4, law):
+    h4 = h4.sample(2)
+    slow = delayed(h4, "theta").sample(2)
     found = {}
     for name, robot, effects in (
         ("h4", h4, None),
@@ -139,8 +97,8 @@ def test_margins_of(kept, law):
 
 
 @pytest.mark.parametrize("fault", ["theta:bias=0.03", "q2:gain=1.02", "z_telemeter:sign", ""])
-def test_isolation_of(kept, fault):
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter", "wire1", "wire2")
+def test_isolation_of(kept, h4, fault):
+    h4 = h4.with_sensors("theta", "z_telemeter", "wire1", "wire2")
     q_e = h4.sample(3).read(some(h4, 15), seed=2)
     k = h4.readings.index(fault.partition(":")[0]) if fault else 0
     q_e[:, k] = {"b": q_e[:, k] + 0.03, "g": 1.02 * q_e[:, k], "s": -q_e[:, k], "": q_e[:, k]}[
@@ -160,8 +118,8 @@ def test_isolation_of(kept, fault):
         "wire1:delay=0.01@0.05",
     ],
 )
-def test_fault_monitor(kept, fault):
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter", "wire1")
+def test_fault_monitor(kept, h4, fault):
+    h4 = h4.with_sensors("theta", "z_telemeter", "wire1")
     reading, _, rest = fault.partition(":")
     kind, _, rest = rest.partition("@")
     kind, _, size = kind.partition("=")
@@ -176,8 +134,8 @@ def test_fault_monitor(kept, fault):
     kept(answer(found))
 
 
-def test_online(kept):
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+def test_online(kept, h4):
+    h4 = h4.with_sensors("theta", "z_telemeter")
     q_e = h4.sample(5).read(some(h4, 25), seed=6)
     found = {}
     for name, options in {
@@ -193,8 +151,8 @@ def test_online(kept):
     kept(answer(found))
 
 
-def test_detectability(kept):
-    robot = tp.load("h4")
+def test_detectability(kept, h4):
+    robot = h4
     found = tp.faults.detectability(robot, some(robot, 6), false_alarm=1e-4, power=0.8, moving=30)
     after = tp.faults.detectability(robot, some(robot, 6), some(robot, 12, 5), level="ideal")
     kept(answer([found, found.table(), after]))

@@ -42,11 +42,12 @@ def test_kinematics(kept, name):
 
 
 @pytest.mark.parametrize("name", ["h4", "par4", "neck", "3rpr", "linear-delta"])
-def test_drawing(kept, name):
+def test_robot(kept, name):
     robot = tp.load(name).sample(2)
-    found = {"plot": robot.plot(some(robot, 1)[0]), "table": robot.table()}
-    found |= {"sigma": robot.reading_sigma, "resolution": robot.resolution}
-    found |= {
+    found = {
+        "table": robot.table(),
+        "sigma": robot.reading_sigma,
+        "resolution": robot.resolution,
         "expected": robot.expected(),
         "sample": robot.sample(4),
         "payload": tried(robot.with_payload, (1.0, -2.0, -30.0)),
@@ -55,8 +56,8 @@ def test_drawing(kept, name):
 
 
 @pytest.mark.parametrize("case", ["known", "tracker", "contacts", "plain", "homings", "rehomed"])
-def test_calibration_of(kept, case):
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+def test_calibration_of(kept, h4, case):
+    h4 = h4.with_sensors("theta", "z_telemeter")
     truth, x, of = h4.sample(5), some(h4, 20), tp.calibration
     q_e, options = truth.read(x, seed=6), {}
     if case == "known":
@@ -98,12 +99,11 @@ def test_calibration_of(kept, case):
     elif case == "rehomed":
         h4 = of.rehomed(tp.calibrate(h4, truth.read(some(h4, 30, 7), seed=7)).robot, 0.02)
     fit = tp.calibrate(h4, q_e, **options)
-    shown = fit.plot() if case == "tracker" else ""
-    kept(answer([fit, fit.robot, shown]))
+    kept(answer([fit, fit.robot]))
 
 
-def test_accuracy_of(kept):
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+def test_accuracy_of(kept, h4):
+    h4 = h4.with_sensors("theta", "z_telemeter")
     x, found = some(h4, 4), {}
     for name, options in {
         "built": {},
@@ -116,8 +116,8 @@ def test_accuracy_of(kept):
     kept(answer(found))
 
 
-def test_planned_poses(kept):
-    h4, design = tp.load("h4").sample(1).with_level(None), tp.design
+def test_planned_poses(kept, h4):
+    h4, design = h4.sample(1).with_level(None), tp.design
     candidates = some(h4, 40, 3)
 
     def use(**known):
@@ -133,8 +133,7 @@ def test_planned_poses(kept):
     kept(answer([plan, seen, after, plan.table()]))
 
 
-def test_selected_sensors(kept):
-    h4 = tp.load("h4")
+def test_selected_sensors(kept, h4):
     prices = {s.name: 50.0 + 7 * k for k, s in enumerate(h4.spec.sensor)}
     of = tp.design.Use
     found = [
@@ -162,22 +161,3 @@ def test_studies(kept):
         tp.monte_carlo("calibration", "x1-ankle", 3, grid={"poses": [6]}, workers=0),
     ]
     kept(answer([[study.columns, study.table()] for study in found]))
-
-
-@pytest.mark.parametrize("case", ["plan", "zero", "design", "accuracy", "simulation", "faults"])
-def test_chart(kept, case):
-    h4, ankle = tp.load("h4"), tp.load("x1-ankle")
-    prices = {s.name: 50.0 + 7 * k for k, s in enumerate(h4.spec.sensor)}
-    shown = {
-        "plan": lambda: tp.plan_poses(
-            h4, 4, candidates=some(h4, 30, 3), use=tp.design.Use(poses=some(h4, 8))
-        ),
-        "zero": lambda: tp.calibration.zero(ankle, ankle.sample(5).read([[0.0, 0.0]], seed=2)),
-        "design": lambda: tp.select_sensors(
-            h4, prices, use=tp.design.Use(poses=some(h4, 8)), budget=170.0
-        ),
-        "accuracy": lambda: tp.accuracy(h4, some(h4, 5)),
-        "simulation": lambda: tp.simulate(h4, h4.sample(2), "tej"),
-        "faults": lambda: tp.faults.detectability(h4, some(h4, 4), moving=10),
-    }[case]()
-    kept(answer([shown.table(), shown.plot()]))

@@ -121,8 +121,3 @@ def test_an_interrupted_save_leaves_the_old_file(h4, h4_text, tmp_path, monkeypa
         h4.replace({"chain1.rod": 0.5}).save(path, force=True)
     assert path.read_text(encoding="utf-8") == h4_text
     assert os.listdir(tmp_path) == ["mine.toml"]
-
-
-def test_a_save_that_cannot_be_says_so_in_one_line(h4, tmp_path):
-    with pytest.raises(tp.InputError, match=r"nowhere/mine.toml: cannot be written: No such file"):
-        h4.save(tmp_path / "nowhere" / "mine.toml")

@@ -26,25 +26,6 @@ def test_every_robot_makes_a_move_at_the_defaults_and_rests(run, name, effects):
     assert 0 < errors[total]["at the end"] <= errors[total]["largest"] < 30
 
 
-def test_it_prints_and_writes_what_the_library_simulates(run, tmp_path):
-    h4 = tp.load("h4")
-    words = ("--to", "0.05,0,-0.4,0.1", "--law", "estimated", "--seed", "4")
-    status, said, _ = run("simulate", "h4", *words, "-o", "move.csv", "--format", "json")
-    assert status == 0
-    truth = h4.sample(4).with_level("full")
-    alone = tp.simulate(
-        h4,
-        truth,
-        "estimated",
-        run=tp.simulation.Run(start=[0, 0, -0.5, 0], end=[0.05, 0, -0.4, 0.1], seed=4),
-    )
-    assert rows(said)["x"]["at the end"] == 1e3 * alone.error[-1, 0]
-    assert rows(said)["theta"]["largest"] == np.degrees(np.abs(alone.error[:, 3]).max())
-    assert rows(said, "motors")["2"]["largest"] == np.abs(alone.torque[:, 1]).max()
-    log = logs.read(h4, tmp_path / "move.csv")
-    np.testing.assert_array_equal(log.readings, alone.q_e)
-
-
 def test_a_nominal_robot_has_no_errors_but_its_counts(run):
     errors = rows(run("simulate", "h4", "--true", "nominal", "--format", "json")[1])
     assert errors["position"]["at the end"] < 0.2
@@ -82,38 +63,40 @@ def test_a_path_is_visited_and_its_log_can_be_calibrated_on(run, tmp_path):
     assert "log.csv" in err
 
 
-def test_a_circle_way_points_and_samples_are_followed_cycle_by_cycle(run, tmp_path):
+ENDS = [[0, 0, -0.4, 0], [0.1, 0, -0.4, 0.2]]
+MOVES = {
+    ("--circle", "0.05,2,1.5"): tp.simulation.Circle(
+        centre=tp.load("h4").home, radius=0.05, frequency=2, turns=1.5
+    ),
+    ("--way-points", "poses.csv", "--duration", "0.3"): tp.simulation.Waypoints(
+        poses=ENDS, duration=0.3
+    ),
+    ("--path", "timed.csv"): tp.simulation.SampledPath(
+        time=[0, 0.3, 0.6], x=[ENDS[0], [0.05, 0, -0.4, 0], ENDS[1]]
+    ),
+    ("--to", "0.05,0,-0.4,0.1"): None,
+}
+
+
+@pytest.mark.parametrize("words", MOVES, ids=lambda words: words[0])
+def test_it_prints_and_writes_what_the_library_simulates(run, h4, tmp_path, words):
+    """Cycle by cycle."""
     (tmp_path / "poses.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0.1,0,-0.4,0.2\n", "utf-8")
     timed = "time,x,y,z,theta\n1,0,0,-0.4,0\n1.3,0.05,0,-0.4,0\n1.6,0.1,0,-0.4,0.2\n"
     (tmp_path / "timed.csv").write_text(timed, "utf-8")
-    h4 = tp.load("h4")
-    poses = [[0, 0, -0.4, 0], [0.1, 0, -0.4, 0.2]]
-    sampled = tp.simulation.SampledPath(
-        time=[0, 0.3, 0.6], x=[poses[0], [0.05, 0, -0.4, 0], poses[1]]
-    )
-    paths = {
-        ("--circle", "0.05,2,1.5"): tp.simulation.Circle(
-            centre=h4.home, radius=0.05, frequency=2, turns=1.5
-        ),
-        ("--way-points", "poses.csv", "--duration", "0.3"): tp.simulation.Waypoints(
-            poses=poses, duration=0.3
-        ),
-        ("--path", "timed.csv"): sampled,
-    }
-    for words, path in paths.items():
-        status, said, err = run(
-            "simulate",
-            "h4",
-            *words,
-            *["--true", "nominal", "-o", "log.csv", "--format", "json", "--force"],
-        )
-        assert status == 0 and ", poles 150 rad/s, true robot nominal: ok" in err
-        alone = tp.simulate(h4, h4.with_level("full"), path=path)
-        log = logs.read(h4, tmp_path / "log.csv")
-        np.testing.assert_array_equal(log.readings, alone.q_e)
-        rms = 1e3 * np.sqrt((alone.error[:, 0] ** 2).mean())
-        assert rows(said)["x"]["rms"] == pytest.approx(rms)
-        assert rows(said, "motors")["1"]["largest"] == np.abs(alone.torque[:, 0]).max()
+    more = ("--law", "estimated", "--seed", "4", "-o", "log.csv", "--format", "json")
+    status, said, err = run("simulate", "h4", *words, *more)
+    assert status == 0 and ", poles 150 rad/s, true robot sampled with seed 4: ok" in err
+    how = tp.simulation.Run(seed=4)
+    if (path := MOVES[words]) is None:
+        how = tp.simulation.Run(start=[0, 0, -0.5, 0], end=[0.05, 0, -0.4, 0.1], seed=4)
+    alone = tp.simulate(h4, h4.sample(4).with_level("full"), "estimated", path=path, run=how)
+    np.testing.assert_array_equal(logs.read(h4, tmp_path / "log.csv").readings, alone.q_e)
+    rms = 1e3 * np.sqrt((alone.error[:, 0] ** 2).mean())
+    assert rows(said)["x"]["rms"] == pytest.approx(rms)
+    turn, torque = np.degrees(np.abs(alone.error[:, 3]).max()), np.abs(alone.torque[:, 1]).max()
+    assert rows(said)["theta"]["largest"] == pytest.approx(turn, rel=1e-9)
+    assert rows(said, "motors")["2"]["largest"] == pytest.approx(torque, rel=1e-9)
 
 
 def test_the_start_up_test_takes_its_own_options(run):

@@ -107,7 +107,7 @@ def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):
 @pytest.mark.parametrize("others", [(True, False), (False, True), (True, True)])
 def test_robots_that_share_a_name_alone_are_not_compared(h4, delta, others):
     known = calibrate(h4, simulate_log(h4, drawn(h4, 1), 50).q_e).robot.with_sensors()
-    namesake = tp.Robot(delta.spec.model_copy(update={"name": h4.name})).with_sensors()
+    namesake = delta.with_file(name=h4.name).with_sensors()
     robot, truth = (namesake if other else h4.with_sensors() for other in others)
     with pytest.raises(
         tp.InputError, match=r"^h4: nominal, true and calibrated have different par"

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from robot_trials import difference
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.robot import knowledge
 from truepose.robot.frames import rotation, rotation_vector
+from truepose.simulation.chart import difference
 
 OUTSIDE = 1e-5  #: σ of an outside measurement, m and rad
 
@@ -104,23 +104,6 @@ def test_counts_of_nanometres_are_believed_and_known(stewart, anywhere, robots):
     for of_robots in (of_xi, online):
         assert abs(np.mean(of_robots) - p) < 3.29 * np.sqrt(2 * p / robots)
     assert abs(np.mean(of_x) - 6) < 3.29 * np.std(of_x, ddof=1) / np.sqrt(robots)
-
-
-@pytest.mark.parametrize("step", [1e-8, 1e-9, 1e-10])
-def test_poses_are_estimated_to_nanometres(stewart, anywhere, rng, step):
-    """Known from outside to 0.1 µm: what rounding leaves of a step is no failure."""
-    robot = with_motors(stewart, step)
-    true = robot.sample(1)
-    x, others = anywhere(robot, 100, rng), anywhere(robot, 500, rng)
-    measured = tracked(x, rng, 1e-7)
-    seen = {"measured": measured, "measured_sigma": np.full(robot.n, 1e-7)}
-    fit = tp.calibrate(
-        robot, true.read(x, seed=1), **seen, options=CalibrationOptions(registration="known")
-    )
-    found = fit.robot.estimate(true.read(others, seed=2), guess=others)
-    error = difference(robot, found.x, others)
-    assert np.abs(error).max() < 2e-6
-    assert (nees(error, found.covariance) < 40).all()
 
 
 def test_poses_that_fine_counts_tell_apart_are_different(stewart, rng):

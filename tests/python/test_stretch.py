@@ -7,12 +7,9 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.calibration import CalibrationOptions
-from truepose.design.candidates import CandidatePoses
-from truepose.design.where import Use
+from truepose.calibration import CalibrationOptions, Payloads
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot import compliance
-from truepose.robotfile.schema import Compliance
 
 LEFT_OUT = "compliance and load are ignored\n"
 LEVELS = ("ideal", "full")
@@ -26,13 +23,9 @@ def text_of(name, compliances, load=(0, 0, 0)):
 
 
 @pytest.fixture
-def yielding(tmp_path):
-    def make(name, compliances, load=(0, 0, 0)):
-        path = tmp_path / "yielding.toml"
-        path.write_text(text_of(name, compliances, load), encoding="utf-8")
-        return tp.load(path)
-
-    return make
+def yielding(load):
+    """Return a function that loads a shipped robot with compliant rods."""
+    return lambda *of: load(text_of(*of))
 
 
 def at_level(robot, level):
@@ -93,17 +86,6 @@ def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng)
         assert robot.ikm(pose) == pytest.approx(robot.stiff.replace(longer).ikm(pose), abs=1e-12)
 
 
-def test_a_hexapods_legs_hold_its_weight_and_load(stewart, anywhere, rng):
-    robot = stewart.with_payload((30, -20, -400))
-    x = anywhere(robot, 20, rng) * [1, 1, 1, 0.5, 0.5, 0.5]
-    for pose, pull in zip(x, robot.rod_forces(x), strict=True):
-        P, A = (robot.skeleton(pose)[:, k] for k in (0, 2))
-        along = (P - A) / np.linalg.norm(P - A, axis=1)[:, None]
-        weight = robot.spec.platform.mass + 0.5 * sum(c.rod_mass for c in robot.spec.chain)
-        held = np.array([30, -20, -400]) + weight * np.array(robot.spec.gravity)
-        assert pull @ along == pytest.approx(-held, abs=1e-9)
-
-
 @pytest.mark.parametrize("level", LEVELS)
 def test_derivatives_by_compliance_are_those_of_finite_differences(any_robot, level, anywhere, rng):
     robot = loaded(at_level(any_robot, level))
@@ -126,14 +108,6 @@ CASES = {
 }
 
 
-def test_without_weight_and_load_compliant_rods_are_as_long_as_stiff_ones():
-    stiff = tp.load("delta")
-    section = {"compliance": Compliance(all_chains=1e-6), "gravity": (0.0, 0.0, 0.0)}
-    soft = tp.Robot(stiff.spec.model_copy(update=section))
-    assert soft.is_compliant
-    assert soft.ikm(soft.home) == pytest.approx(stiff.ikm(stiff.home), abs=1e-12)
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
     """Geometry and compliances drawn from the tolerances, loads that differ: NEES in band."""
@@ -145,9 +119,7 @@ def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
         true, rng = robot.sample(seed), np.random.default_rng(seed)
         x = anywhere(robot, 60, rng) * ([1, 1, 1, 0.7, 0.7, 0.7] if robot.n == 6 else 1)
         force = rng.uniform(0, 1, (60, 1)) * [0, 0, -300.0]
-        fit = tp.calibrate(
-            robot, read(true, x, force, seed), loads=tp.calibration.Payloads(force=force)
-        )
+        fit = tp.calibrate(robot, read(true, x, force, seed), loads=Payloads(force=force))
         error = np.array([p.value - true.parameters[n].value for n, p in fit.parameters.items()])
         at = [k for k, n in enumerate(fit.names) if "compliance" in n]
         every.append(error @ np.linalg.solve(fit.covariance, error) / len(error))
@@ -167,27 +139,18 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     x = anywhere(robot, 80, rng) * [1, 1, 1, 0.7, 0.7, 0.7]
     force = rng.uniform(0, 1, (80, 1)) * [0, 0, -400.0]
     q_e = read(true, x, force, 3)
-    both = tp.calibrate(
-        robot,
-        q_e,
-        loads=tp.calibration.Payloads(force=force),
-        options=CalibrationOptions(loss="squares"),
-    )
-    first = tp.calibrate(
-        robot,
-        q_e[:40],
-        loads=tp.calibration.Payloads(force=force[:40]),
-        options=CalibrationOptions(loss="squares"),
-    )
+
+    squares = CalibrationOptions(loss="squares")
+
+    def fitted(robot, rows):
+        loads = tp.calibration.Payloads(force=force[rows])
+        return tp.calibrate(robot, q_e[rows], loads=loads, options=squares)
+
+    both, first = fitted(robot, slice(None)), fitted(robot, slice(40))
     first.robot.save(tmp_path / "first.toml")
     again = tp.load(tmp_path / "first.toml").with_sensors("roll", "pitch")
     assert again.parameters == first.robot.parameters
-    then = tp.calibrate(
-        again,
-        q_e[40:],
-        loads=tp.calibration.Payloads(force=force[40:]),
-        options=CalibrationOptions(loss="squares"),
-    )
+    then = fitted(again, slice(40, None))
     for name, of in both.parameters.items():
         last = then.parameters[name]
         assert abs(last.value - of.value) < 0.1 * of.sigma, name
@@ -211,13 +174,13 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     of = fit.parameters["compliance.all_chains"]
     assert of.verdict == "identified" and abs(of.value - 4e-6) < 3 * of.sigma
     assert not any("not used" in note for note in fit.notes)
-    wrong = tp.calibration.Payloads(tension=pull[:, :2])
+    wrong = Payloads(tension=pull[:, :2])
     with pytest.raises(InputError, match=r"tension: shape \(40, 2\), must be \(40, 3\)"):
         tp.calibrate(robot, np.column_stack(list(table.values())), loads=wrong)
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_the_bound_counts_compliances_that_are_not_known(yielding, anywhere, rng, level):
+def test_the_bound_counts_compliances_that_are_not_known(h4, yielding, anywhere, rng, level):
     """Against dense generalised least squares over geometry and compliances."""
     robot = yielding("h4", {"chain*.compliance": 1e-5}, (0, 0, -100)).with_level(level)
     robot = robot.with_sensors("theta", "z_telemeter")
@@ -228,7 +191,7 @@ def test_the_bound_counts_compliances_that_are_not_known(yielding, anywhere, rng
     C = (H_xi * sigma**2) @ H_xi.swapaxes(1, 2) + np.diag(robot.reading_sigma**2)
     dense = np.linalg.inv(H_x.swapaxes(1, 2) @ np.linalg.solve(C, H_x))
     assert pytest.approx(dense, rel=1e-6, abs=1e-14) == P
-    known = tp.accuracy(tp.load("h4").with_sensors(*robot.sensors).with_level(level), x)
+    known = tp.accuracy(h4.with_sensors(*robot.sensors).with_level(level), x)
     assert (
         np.trace(P[:, :3, :3], axis1=1, axis2=2)
         > 0.99 * np.trace(known[:, :3, :3], axis1=1, axis2=2)
@@ -259,23 +222,6 @@ def test_estimates_under_load_are_as_far_off_as_their_covariance_says(yielding, 
             to.append(off @ np.linalg.solve(found.covariance, off) / 4)
     assert np.mean(nees) == pytest.approx(1, abs=0.5)
     assert np.mean(less) > 1.2 * np.mean(nees)
-
-
-def test_a_plan_promises_what_the_bound_says_of_its_poses(yielding):
-    robot = yielding("stewart", {"chain*.compliance": 1e-6}, (0, 0, -500))
-    robot = robot.with_sensors("roll", "pitch")
-    x = np.random.default_rng(2).uniform(-0.04, 0.04, (40, 6)) + robot.home
-    over = x[:7]
-    plan = tp.plan_poses(robot, 12, candidates=CandidatePoses(poses=x), use=Use(poses=over))
-    visited = np.vstack([step.poses for step in plan.steps])
-    for chosen, promised in ((None, plan.sigma[0]), (visited, plan.sigma[-1])):
-        P = tp.accuracy(robot, over, calibrated_on=chosen)
-        position = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
-        assert promised[-1] == pytest.approx(position, rel=1e-6)
-    stiff = tp.plan_poses(
-        tp.load("stewart").with_sensors("roll", "pitch"), 12, candidates=x, use=Use(poses=over)
-    )
-    assert plan.sigma[0, -1] > 1.001 * stiff.sigma[0, -1]
 
 
 # The command line, and what does not know of compliance.
@@ -333,11 +279,9 @@ SPOILT = {
 
 
 @pytest.mark.parametrize("added", SPOILT)
-def test_a_wrong_word_of_stretch_is_refused(tmp_path, added):
-    path = tmp_path / "wrong.toml"
-    path.write_text(tp.load("delta").spec._text + f"\n{added}\n", encoding="utf-8")
+def test_a_wrong_word_of_stretch_is_refused(load, delta, added):
     with pytest.raises(RobotFileError) as error:
-        tp.load(path)
+        load(delta.spec._text + f"\n{added}\n")
     assert SPOILT[added] in str(error.value)
 
 
@@ -358,7 +302,7 @@ def test_a_load_is_saved(tmp_path, delta):
 def test_a_known_pose_is_read_under_the_load_of_the_file(yielding, anywhere, rng):
     robot = yielding("delta", {"compliance.all_chains": 2e-7}).with_sensors("z_telemeter")
     true = robot.sample(1)
-    x, loads = anywhere(robot, 20, rng), tp.calibration.Payloads(force=[(0.0, 0.0, -50.0)] * 20)
+    x, loads = anywhere(robot, 20, rng), Payloads(force=[(0.0, 0.0, -50.0)] * 20)
     heavy = true.with_payload((0.0, 0.0, -50.0)).extended_positions(x)
     known = (true.extended_positions(robot.home), robot.home)
     fit = tp.calibrate(robot, heavy, loads=loads, known_pose=known)

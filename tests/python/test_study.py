@@ -64,19 +64,6 @@ def test_each_true_robot_is_another_and_answers_in_its_place(alone):
     assert len(set(alone.columns["off"])) == len(set(alone.columns["drawn"])) == 2 * COUNT
 
 
-def test_a_grid_asks_the_same_true_robots_at_every_point():
-    def cube(case):
-        first = case.true.parameters["chain1.rod"].value
-        return {"power": len(case.values["law"]) * case.values["n"], "first": first}
-
-    found = tp.monte_carlo(cube, "3rrr", 3, grid={"n": [1, 2], "law": ["a", "b"]}, workers=0)
-    assert len(found) == 12
-    for number in range(3):
-        assert len(set(found.columns["first"][found.columns["number"] == number])) == 1
-    points = [row[1:3] for row in found.table().rows if row[3] == "power"]
-    assert points == [[n, law] for n in "12" for law in "ab"]
-
-
 def test_a_case_has_one_true_robot_and_one_stream_of_random_numbers():
     """Whatever else was spawned from its seed before; each access goes on from the one before."""
 
@@ -89,28 +76,10 @@ def test_a_case_has_one_true_robot_and_one_stream_of_random_numbers():
         }
 
     found = tp.monte_carlo(asked, "3rrr", 3, grid={"spawned": [0, 1]}, workers=0)
+    assert [row[1] for row in found.table().rows if row[2] == "rod"] == ["0", "1"]
     rods, noise = found.columns["rod"].reshape(3, 2), found.columns["noise"]
     assert (rods[:, 0] == rods[:, 1]).all() and len(set(rods[:, 0])) == 3
     assert len(set(noise)) == 3 and found.columns["next"].all()
-
-
-def test_a_natural_study_tests_the_robot_that_it_calibrated():
-    """Readings, estimates and truths of one robot: as near as the bound, not as two robots."""
-
-    def natural(case):
-        box = case.robot.spec.workspace
-        x = case.rng.uniform(box.minimum, box.maximum, (12, case.robot.n))
-        fit = tp.calibrate(case.robot, case.true.read(x, seed=1))
-        found = fit.robot.estimate(case.true.read(x[:5], seed=2)).x
-        bound = tp.accuracy(case.robot, x[:5], calibrated_on=x)
-        return {
-            "off": np.sqrt(((found - x[:5])[:, :3] ** 2).sum(axis=1).mean()),
-            "bound": np.sqrt(np.einsum("kii->ki", bound)[:, :3].sum(axis=1).mean()),
-        }
-
-    found = tp.monte_carlo(natural, "h4", 8, workers=0).columns
-    rms = {name: np.sqrt((found[name] ** 2).mean()) for name in ("off", "bound")}
-    assert 0.5 < rms["off"] / rms["bound"] < 1.6
 
 
 def test_a_calibration_on_more_poses_is_a_better_one():
@@ -193,23 +162,25 @@ def test_a_study_that_was_ended_goes_on_with_other_tasks_and_may_grow(alone, tmp
     assert not asked
 
 
-def test_a_study_writes_some_files_while_it_runs_and_leaves_one(alone, tmp_path, monkeypatch):
+def test_a_study_writes_its_file_while_it_runs(alone, tmp_path, monkeypatch):
     parquet = pytest.importorskip("pyarrow.parquet")
     monkeypatch.setattr(storage, "EVERY", 0.0)
     monkeypatch.setattr(storage, "SHARE", 0.0)
-    folder, seen = tmp_path / "kept", []
-    options = {"seed": 3, "workers": 0, "chunk": 2, "out": folder}
-    look = lambda *_: seen.append(len(list(folder.glob("*.parquet"))))  # noqa: E731
+    file, seen = tmp_path / "kept" / "cases.parquet", []
+    options = {"seed": 3, "workers": 0, "chunk": 2, "out": tmp_path / "kept"}
+
+    def look(*_):
+        seen.append(len(parquet.read_table(file)) if file.exists() else 0)
+
     tp.monte_carlo(off, ["3rrr", "h4"], COUNT, progress=look, **options)
-    assert seen == [*range(COUNT + 1)]
-    (file,) = folder.glob("*.parquet")
+    assert seen == [*range(0, 2 * COUNT + 1, 2)]
     table = parquet.read_table(file).to_pydict()
     assert table["case"] == [*range(2 * COUNT)]
     assert np.array_equal(table["off"], alone.columns["off"])
     monkeypatch.setattr(storage, "EVERY", 60.0)
     tp.monte_carlo(off, ["3rrr", "h4"], COUNT + 2, progress=look, **options)
-    assert seen[-1] == 1  # a fast study does not write for each task
-    assert len(list(folder.glob("*.parquet"))) == 1
+    assert seen[-1] == 2 * COUNT  # a fast study does not write for each task
+    assert len(parquet.read_table(file)) == 2 * COUNT + 4
 
 
 @pytest.mark.parametrize("seconds", [1e-4, 0.04, 3.0])

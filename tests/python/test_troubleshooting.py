@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "troubleshooting.md"
 QUOTED = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
 
 
-def robot_file(tmp_path, old: str, new: str):
+def robot_file(tmp_path, old, new):
     path = tmp_path / "robot.toml"
     tp.load("h4").save(path)
     text = path.read_text(encoding="utf-8")
@@ -24,7 +24,7 @@ def robot_file(tmp_path, old: str, new: str):
     raise tp.RobotFileError(CliRunner().invoke(app, ["check", str(path)]).output)
 
 
-def log(column: str, change) -> None:
+def log(column, change):
     h4 = tp.load("h4")
     box = h4.spec.workspace
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (50, h4.n))
@@ -43,7 +43,7 @@ def law_without_sensor(_):
     tp.steady_state(delta, delta, delta.home, "tej")
 
 
-def tracked(name: str, change) -> None:
+def tracked(name, change):
     """Calibrate by a tracker whose measurement is changed."""
     robot = tp.load(name).with_sensors("roll", "pitch")
     box, rng = robot.spec.workspace, np.random.default_rng(0)

@@ -1,7 +1,5 @@
 """The four baselines, written as submissions and scored: python -m pkm.baselines."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

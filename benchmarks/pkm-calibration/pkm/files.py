@@ -1,7 +1,5 @@
 """Files of the benchmark: logs, truth, manifest, submissions."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json
@@ -39,14 +37,15 @@ def load(path: Path) -> Any:
 def save(path: Path, data: dict[str, Any]) -> None:
     """Write a JSON file: a line for each entry of the outer object and of the objects in it."""
 
-    def inner(value: Any) -> str:
-        dump, pair = partial(json.dumps, ensure_ascii=False), isinstance(value, dict)
-        if not pair and not (isinstance(value, list) and value and isinstance(value[0], dict)):
-            return dump(value)
-        lines = [f"{dump(k)}: {dump(v)}" for k, v in value.items()] if pair else map(dump, value)
-        return "{["[not pair] + "\n    " + ",\n    ".join(lines) + "\n  " + "}]"[not pair]
+    dump = partial(json.dumps, ensure_ascii=False)
 
-    lines = ",\n  ".join(f"{json.dumps(key)}: {inner(value)}" for key, value in data.items())
+    def inner(value: Any) -> str:
+        if not isinstance(value, dict):
+            return dump(value)
+        lines = ",\n    ".join(f"{dump(k)}: {dump(v)}" for k, v in value.items())
+        return f"{{\n    {lines}\n  }}"
+
+    lines = ",\n  ".join(f"{dump(key)}: {inner(value)}" for key, value in data.items())
     path.write_text(f"{{\n  {lines}\n}}\n", encoding="utf-8")
 
 

@@ -3,8 +3,6 @@
 python -m pkm.generate --seed 1 --out DIR     # robots, logs, truth.json, manifest.json
 """
 
-from __future__ import annotations
-
 import argparse
 import copy
 import shutil

@@ -3,8 +3,6 @@
 Baselines: the nominal model, and plain least squares of its parameters by scipy.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Every arm, carriage, leg, rod, bar and the platform is a body. MuJoCo's own loop
 soft; here the gap between each rod's end and its anchor is solved to 1e-12 m instead.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Poses of platforms: coordinates x, y, z, theta or rx, ry, rz, by the names of a robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

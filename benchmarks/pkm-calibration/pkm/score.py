@@ -3,8 +3,6 @@
 python -m pkm.score SUBMISSION…     # folders with submission.json and a CSV for each log
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

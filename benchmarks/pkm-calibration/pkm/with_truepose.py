@@ -1,10 +1,6 @@
 """Baselines by truepose: one rod per chain (ideal), and every rod by itself (full)."""
 
-from __future__ import annotations
-
-import tempfile
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,44 +8,49 @@ import numpy as np
 import truepose as tp
 from pkm.poses import position
 from truepose.calibration import CalibrationOptions
+from truepose.robotfile.schema import RobotFile
 
 _MOBILITY = {2: "planar_translation", 3: "translation", 4: "schoenflies", 6: "spatial"}
 _ACTUATOR = {"hinge": "revolute", "slide": "prismatic", "leg": "telescopic"}
 
 
-def robot_file(robot: dict[str, Any]) -> str:
-    """Return a description of the benchmark as a robot file of truepose."""
-    n, box, motor = len(robot["chains"]), robot["workspace"], robot["motor_readings"]
-    lines = [f'name = "{robot["name"]}"', f'mobility = "{_MOBILITY[n]}"']
-    lines += [f"home = {robot['home']['pose']}"]
-    lines += [f"sensors = {[s['name'] for s in robot['sensors']]}"]
-    lines += ["[workspace]", f"minimum = {box['low']}", f"maximum = {box['high']}"]
+#: Keys of a chain in a robot file, by those of a description.
+_SAME = {key: key for key in ("base", "anchor", "axis", "arm_zero", "arm", "rod", "pair_axis")}
+_SAME |= {"spacing": "rod_spacing"}
+
+
+def load(robot: dict[str, Any]) -> tp.Robot:
+    """Return the robot of a description of the benchmark."""
+    box, motor, chains, sensors = robot["workspace"], robot["motor_readings"], [], []
     for chain, q in zip(robot["chains"], robot["home"]["motors"], strict=True):
-        lines += ["[[chain]]", f'actuator = "{_ACTUATOR[chain["motor"]]}"']
-        per = 2 * np.pi / motor["step"] if chain["motor"] == "hinge" else 1 / motor["step"]
-        lines += [f"encoder_counts = {round(per)}", f"encoder_noise = {motor['noise']}"]
-        same = {"base": "base", "axis": "axis", "arm_zero": "arm_zero", "arm": "arm"}
-        same |= {"rod": "rod", "spacing": "rod_spacing", "pair_axis": "pair_axis"}
-        lines += [f"{to} = {chain[key]}" for key, to in same.items() if key in chain]
-        lines += [f"anchor = {chain['anchor']}"]
+        per = 2 * np.pi if chain["motor"] == "hinge" else 1
+        made = {to: chain[key] for key, to in _SAME.items() if key in chain}
+        made |= {"actuator": _ACTUATOR[chain["motor"]], "encoder_noise": motor["noise"]}
+        made["encoder_counts"] = round(per / motor["step"])
         if chain["on"] != "platform":
-            lines += [f"bar = {chain['on'][3:]}"]
+            made["bar"] = int(chain["on"][3:])
         if chain["motor"] != "leg":
-            lines += [f"working_mode = {working_mode(robot, chain, q)}"]
+            made["working_mode"] = working_mode(robot, chain, q)
+        chains.append(made)
+    bars = []
     for bar in robot["bars"]:
         pivot = float(np.linalg.norm(bar["hinge"]))
-        lines += ["[[bar]]", f"direction = {[h / pivot for h in bar['hinge']]}", f"pivot = {pivot}"]
+        bars.append({"direction": [h / pivot for h in bar["hinge"]], "pivot": pivot})
     for sensor in robot["sensors"]:
-        lines += ["[[sensor]]", f'name = "{sensor["name"]}"', f"noise = {sensor['noise']}"]
+        made = {"name": sensor["name"], "noise": sensor["noise"]}
         if sensor["kind"] == "hinge":
-            lines += ['kind = "platform_angle"', f"bar = {sensor['bar'][3:]}"]
-            lines += [f"counts = {round(2 * np.pi / sensor['step'])}"]
+            made |= {"kind": "platform_angle", "bar": int(sensor["bar"][3:])}
+            made["counts"] = round(2 * np.pi / sensor["step"])
         else:
-            lines += ['kind = "distance"', f"resolution = {sensor['step']}"]
-            lines += [f"origin = {sensor['origin']}", f"target = {sensor['target']}"]
-    lines += ["[tolerances]"]
-    lines += [f'"{name}" = {{ sigma = {s} }}' for name, s in tolerances(robot).items() if s > 0]
-    return "\n".join(lines).replace("'", '"') + "\n"
+            made |= {"kind": "distance", "resolution": sensor["step"]}
+            made |= {key: sensor[key] for key in ("origin", "target")}
+        sensors.append(made)
+    data = {"name": robot["name"], "mobility": _MOBILITY[len(chains)]}
+    data |= {"home": robot["home"]["pose"], "sensors": [s["name"] for s in sensors]}
+    data |= {"workspace": {"minimum": box["low"], "maximum": box["high"]}}
+    data |= {"chain": chains, "bar": bars, "sensor": sensors}
+    sigmas = {name: {"sigma": s} for name, s in tolerances(robot).items() if s > 0}
+    return tp.Robot(RobotFile.model_validate(data | {"tolerances": sigmas}))
 
 
 def working_mode(robot: dict[str, Any], chain: dict[str, Any], q: float) -> int:
@@ -89,14 +90,6 @@ def tolerances(robot: dict[str, Any]) -> dict[str, float]:
                 continue
             found |= {f"{sensor['name']}.{key}.{c}": s for c, s in zip("xyz", value, strict=True)}
     return found
-
-
-def load(robot: dict[str, Any]) -> tp.Robot:
-    """Return the robot of a description."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.toml"
-        path.write_text(robot_file(robot), encoding="utf-8")
-        return tp.load(path)
 
 
 def calibrated(

@@ -1,7 +1,5 @@
 """Dietmaier's hexapod (1998): a Stewart-Gough platform with 40 real postures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Jugglebot: its two sessions of measured poses, and its makers' own test of the legs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

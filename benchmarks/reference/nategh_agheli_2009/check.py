@@ -1,7 +1,5 @@
 """Hexapod of Nategh and Agheli (2009): kinematics, 42 parameters, number of configurations."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -11,21 +11,6 @@ struct Setpoint {
   Coordinates x{}, rate{}, acceleration{};
 };
 
-/// Interpolates two setpoints of a path that is followed more slowly. @param share  0 to 1
-inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, Real share) {
-  const Pose start = to_pose(mobility, a.x);
-  Coordinates step = difference(mobility, to_pose(mobility, b.x), start);
-  Setpoint setpoint;
-  for (std::size_t i = 0; i < step.size(); ++i) {
-    step[i] *= share;
-    setpoint.rate[i] = a.rate[i] + share * (b.rate[i] - a.rate[i]);
-    setpoint.acceleration[i] =
-        a.acceleration[i] + share * (b.acceleration[i] - a.acceleration[i]);
-  }
-  setpoint.x = to_coordinates(mobility, moved(mobility, start, step));
-  return setpoint;
-}
-
 /// Quintic move from `from` to `to` in `duration` seconds, at rest at both ends, constant outside:
 /// s = 10u³ - 15u⁴ + 6u⁵, with zero velocity and acceleration at the ends. Rotations turn about one
 /// fixed axis, so the twist is exactly s' times a constant.

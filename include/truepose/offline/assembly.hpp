@@ -89,8 +89,7 @@ inline std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<
            at.R.col(1).dot(Vec3(-0.64, 0.48, 0.6));
   };
   constexpr double kWindow = 5 * kSameMode;  // |Δ along| ≤ √3 |ΔD|∞ + √2 |ΔR|
-  std::sort(found.begin(), found.end(),
-            [&](const Pose& a, const Pose& b) { return along(a) < along(b); });
+  std::ranges::sort(found, [&](const Pose& a, const Pose& b) { return along(a) < along(b); });
   std::vector<AssemblyMode> modes;
   for (const Pose& pose : found) {
     std::size_t k = modes.size();
@@ -103,7 +102,7 @@ inline std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<
       modes.push_back({pose});
   }
   const Pose home = to_pose(robot.mobility, robot.home);
-  std::stable_sort(modes.begin(), modes.end(), [&](const AssemblyMode& a, const AssemblyMode& b) {
+  std::ranges::stable_sort(modes, [&](const AssemblyMode& a, const AssemblyMode& b) {
     return apart(a.pose, home) < apart(b.pose, home);
   });
   if (turns_about_z(robot.mobility))

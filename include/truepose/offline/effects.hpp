@@ -23,7 +23,7 @@ struct Effects {
 
   bool change_torque() const {
     return ripple > 0 || arm_stiffness > 0 ||
-           std::any_of(friction.begin(), friction.end(), [](double f) { return f > 0; });
+           std::ranges::any_of(friction, [](double f) { return f > 0; });
   }
   bool give_way() const { return arm_stiffness > 0 || rod_stiffness > 0; }
 };
@@ -106,7 +106,7 @@ class Plant {
     if (event.kind == Disturbance::friction) effects_.friction[event.motor] += event.size;
     for (int j = 0; j < n && event.kind == Disturbance::contact; ++j)
       force_[j] += sign * event.force[j];
-    pushed_ = std::any_of(force_.begin(), force_.end(), [](double f) { return f != 0; });
+    pushed_ = std::ranges::any_of(force_, [](double f) { return f != 0; });
   }
 
   /// Closes all brakes of a robot at rest, which carry its weight.
@@ -140,8 +140,7 @@ class Plant {
   /// Advances one period under constant torque commands.
   /// @return unreachable or singular where the robot leaves its workspace
   Outcome advance(const Joint& torque, double period, int steps) {
-    const bool braked =
-        std::any_of(brake_.begin(), brake_.end(), [](double torque) { return torque > 0; });
+    const bool braked = std::ranges::any_of(brake_, [](double torque) { return torque > 0; });
     if (!effects_.change_torque() && !braked && !pushed_) {
       transmitted_ = torque;
       return truepose::advance(driven_, torque, period, steps, state_);

@@ -93,7 +93,7 @@ class FaultyReadings {
 
   /// Whether the frame's counter stands still.
   bool frozen(double time) const {
-    return std::any_of(state_.begin(), state_.end(), [time](const State& state) {
+    return std::ranges::any_of(state_, [time](const State& state) {
       return state.fault.frame && acts(time, state.fault);
     });
   }

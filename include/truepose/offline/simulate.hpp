@@ -50,8 +50,8 @@ struct Safety {
   bool counted = true;  ///< frames carry a counter
 };
 
-/// A user-defined law: from setpoint and readings at a time to the torques. It may throw.
-using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extended&, Joint&)>;
+/// A user-defined law: from desired pose and readings to the motor error. It may throw.
+using OwnLaw = std::function<Joint(const Coordinates& x_d, const Extended&)>;
 
 /// Optional parts of a loop.
 struct Extras {
@@ -64,9 +64,9 @@ struct Extras {
   Weighing monitor_weighing{};                            ///< weights of the fault monitor
   const MultirateSettings* bus = nullptr;                 ///< multirate sensors of the true robot,
   const MultirateSettings* late = nullptr;                ///< and as the controller models them
-  OwnLaw law{};                                           ///< replaces `control`
-  std::vector<Event> events{};                            ///< disturbances of the true robot
-  const Safety* safety = nullptr;                         ///< enables the safety shell
+  OwnLaw law{};                    ///< replaces the law `joint` of the settings
+  std::vector<Event> events{};     ///< disturbances of the true robot
+  const Safety* safety = nullptr;  ///< enables the safety shell
 };
 
 /// A robot and its controller, with the state that persists between moves.
@@ -177,7 +177,7 @@ class Loop {
       outcome = run_safely(believed, time, setpoint, monitored ? q_e : present,
                            monitored ? extras_.monitor_weighing : weighing, cycle.request);
     else if (extras_.law)
-      outcome = extras_.law(time, setpoint, present, control_.torque);
+      outcome = control_by_own_law(believed, setpoint, present);
     else if (monitored)
       outcome =
           control_fault_tolerant(believed, settings_, *extras_.fault_settings, setpoint, q_e,
@@ -189,9 +189,20 @@ class Loop {
         if (late_.is(k)) present[dof(nominal_.mobility) + k] = late_.present[k];
       cycle.gave_up = learn_monitored(*learner, present);
     }
-    control_.started = control_.started || outcome;
+    if (!extras_.law) control_.started = control_.started || outcome;
     cycle.status = outcome.status;
     return outcome || extras_.faults || extras_.safety ? Outcome{} : outcome;
+  }
+
+  /// `control` on the error of an own law: the law `joint` on readings that differ by it.
+  Outcome control_by_own_law(const Robot& believed, const Setpoint& setpoint, const Extended& q_e) {
+    Joint q{};
+    const Outcome outcome = command(believed, setpoint.x, q);
+    if (!outcome) return outcome;
+    const Joint error = extras_.law(setpoint.x, q_e);
+    Extended shown{};
+    for (int i = 0; i < dof(nominal_.mobility); ++i) shown[i] = q[i] - error[i];
+    return control(believed, settings_, setpoint, shown, control_);
   }
 
   /// The law inside the safety shell. An own law is not called before it acts.
@@ -214,8 +225,7 @@ class Loop {
     if (cycle.answer)
       cycle.answer =
           inverse_dynamics(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);
-    if (cycle.answer && shell_.follows)
-      cycle.answer = extras_.law(time, setpoint, q_e, control_.torque);
+    if (cycle.answer && shell_.follows) cycle.answer = control_by_own_law(believed, setpoint, q_e);
     cycle.torque = control_.torque;
     guard(believed, safety.limits, cycle, shell_);
     return cycle.answer;
@@ -268,9 +278,9 @@ class Loop {
   /// back, which changes the calibrated robot.
   bool learn_monitored(OnlineCalibrator& learner, const Extended& q_e) {
     const FaultMonitor& monitor = fault_state_.monitor;
-    const bool valid = std::all_of(
-        monitor.reading.begin(), monitor.reading.end(),
-        [](const MonitoredReading& reading) { return reading.health == Health::valid; });
+    const bool valid = std::ranges::all_of(monitor.reading, [](const MonitoredReading& reading) {
+      return reading.health == Health::valid;
+    });
     if (valid) return calibrate_online(learner, q_e).status == Status::stopped;
     if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
     return learner.state.doubt.stopped;

@@ -1,7 +1,7 @@
 /* Common code of the LinuxCNC components truepose_kins, truepose_tej and truepose_plant: loading,
  * parameters, pins with an initial value. Include it once per component, after
  * `#define COMPONENT "name"`; the component defines begin() and rtapi_app_exit(). Those with a
- * function for a thread include pins.h as well. */
+ * function for a thread include cycles.h as well. */
 #ifndef TRUEPOSE_LINUXCNC_COMPONENT_H
 #define TRUEPOSE_LINUXCNC_COMPONENT_H
 

@@ -9,7 +9,7 @@
 static const truepose_real kTurn = 6.283185307179586;
 static const char kLetters[] = "xyzabcuvw";
 
-enum { kA = 3, kC = 5, kCap = 12, kScrewSteps = 20 };
+enum { kA = 3, kC = 5, kScrewSteps = 20 };
 
 truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_description* robot,
                                     truepose_real unit) {
@@ -20,7 +20,7 @@ truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_descript
   if (kins->outcome.status > TRUEPOSE_OK) return kins->outcome;
   kins->robot = *robot;
   kins->motors = truepose_freedoms(&kins->model);
-  kins->cap = kCap;
+  kins->cap = TRUEPOSE_STEPS;
   for (int i = 0; i < kins->motors; ++i) {
     const int plain = robot->mobility == TRUEPOSE_SPATIAL       ? 6
                       : robot->mobility >= TRUEPOSE_TRANSLATION ? 3
@@ -153,26 +153,20 @@ static int guessed(const truepose_kins* kins, const truepose_real* axes, truepos
   return any;
 }
 
-/** x of joints, from the guess, minus the known corrections. */
+/** x of joints, from the guess. The screws' corrections depend on the pose, which hardly depends on
+ * them: a few rounds. */
 static truepose_fkm_result search(truepose_kins* kins, const truepose_real* joints,
                                   truepose_real* x) {
-  truepose_real q[6] = {0};
-  for (int i = 0; i < kins->motors; ++i)
-    q[i] = (joints[i] - kins->screw.correction[i]) * kins->scale[i];
-  return truepose_fkm(&kins->model, q, kins->cap, x);
-}
-
-/** The screws' corrections depend on the pose, which hardly depends on them: a few rounds. */
-static truepose_fkm_result search_with_screws(truepose_kins* kins, const truepose_real* joints,
-                                              truepose_real* x) {
-  truepose_fkm_result result = {{TRUEPOSE_NOT_CONVERGED, -1}, 0, 0, 0};
+  truepose_fkm_result result;
   int32_t iterations = 0;
   for (int round = 0; round < kScrewSteps; ++round) {
-    truepose_real before[6], change = 0;
+    truepose_real q[6] = {0}, before[6], change = 0;
     truepose_pose pose;
     memcpy(before, kins->screw.correction, sizeof before);
-    result = search(kins, joints, x);
+    for (int i = 0; i < kins->motors; ++i) q[i] = (joints[i] - before[i]) * kins->scale[i];
+    result = truepose_fkm(&kins->model, q, kins->cap, x);
     iterations += result.iterations;
+    if (kins->screw.lead == 0) break;
     if (result.outcome.status <= TRUEPOSE_OK)
       result.outcome = truepose_pose_of(&kins->model, x, &pose);
     if (result.outcome.status <= TRUEPOSE_OK) result.outcome = screw_turns(kins, &pose);
@@ -194,7 +188,7 @@ int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TR
   int again = guessed(kins, axes, x);
   memcpy(kept, kins->screw.correction, sizeof kept);
   for (;; again = 0) {
-    result = kins->screw.lead != 0 ? search_with_screws(kins, joints, x) : search(kins, joints, x);
+    result = search(kins, joints, x);
     if (result.outcome.status <= TRUEPOSE_OK || !again) break;
     memcpy(x, kins->guess, sizeof x);
     memcpy(kins->screw.correction, kept, sizeof kept);

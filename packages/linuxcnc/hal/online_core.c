@@ -4,8 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { kCap = 12 }; /* maximum steps of the forward model */
-
 /** Adopts the identified robot, at both levels. If it cannot be loaded (its home beyond a stop),
  * the previous one stays. */
 static int believe(truepose_pupil* pupil) {
@@ -56,7 +54,8 @@ static int stood(truepose_pupil* pupil, truepose_real period, truepose_real rest
 
 /** Computes the accuracy of the pose where the machine is at rest. */
 static void ask_sigma(truepose_pupil* pupil, const truepose_real* q_e, truepose_real* work) {
-  if (truepose_fkm(&pupil->finest, q_e, kCap, pupil->x).outcome.status > TRUEPOSE_OK) return;
+  if (truepose_fkm(&pupil->finest, q_e, TRUEPOSE_STEPS, pupil->x).outcome.status > TRUEPOSE_OK)
+    return;
   const truepose_estimate_result found =
       truepose_estimate(&pupil->finest, &pupil->known, q_e, work, pupil->x);
   for (int i = 0; i < pupil->motors && found.outcome.status <= TRUEPOSE_OK; ++i)

@@ -4,8 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { kCap = 12 };
-
 /** Reading of an encoder with these counts. */
 static truepose_real counted(const truepose_plant* plant, int c, truepose_real reading) {
   const truepose_real step = c < plant->motors ? plant->robot.chain[c].encoder_step
@@ -25,7 +23,7 @@ truepose_outcome truepose_plant_begin(truepose_plant* plant, const truepose_desc
   plant->readings = plant->motors + truepose_sensors(&plant->model);
   memcpy(plant->q, q, sizeof plant->q);
   memcpy(plant->x, robot->home, sizeof plant->x);
-  outcome = truepose_fkm(&plant->model, q, kCap, plant->x).outcome;
+  outcome = truepose_fkm(&plant->model, q, TRUEPOSE_STEPS, plant->x).outcome;
   if (outcome.status <= TRUEPOSE_OK)
     outcome = truepose_readings(&plant->model, plant->x, plant->q_e);
   for (int c = 0; c < plant->readings; ++c) plant->zero[c] = counted(plant, c, plant->q_e[c]);
@@ -41,7 +39,7 @@ void truepose_plant_cycle(truepose_plant* plant, const truepose_real velocity[6]
   memcpy(x, plant->x, sizeof x);
   memcpy(before, plant->q_e, sizeof before);
   for (int i = 0; i < plant->motors; ++i) q[i] = plant->q[i] + plant->period * velocity[i];
-  plant->blocked = truepose_fkm(&plant->model, q, kCap, x).outcome.status > TRUEPOSE_OK ||
+  plant->blocked = truepose_fkm(&plant->model, q, TRUEPOSE_STEPS, x).outcome.status > TRUEPOSE_OK ||
                    truepose_readings(&plant->model, x, plant->q_e).status > TRUEPOSE_OK;
   if (!plant->blocked) {
     memcpy(plant->q, q, sizeof q);

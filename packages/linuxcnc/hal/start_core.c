@@ -3,34 +3,27 @@
 
 #include <string.h>
 
-enum { kCap = 30 }; /* maximum steps of the forward model, from home */
-
-/** Limits of level 2: the robot's own, at a natural frequency that only sets limits not used here.
- * Level 1 has no torques, hence needs none. */
-static truepose_outcome limits_for(const truepose_corrector* tej, const truepose_model* robot,
-                                   int32_t level, truepose_safety_limits* limits) {
-  truepose_control_settings settings;
-  truepose_outcome outcome = {TRUEPOSE_OK, -1};
-  if (level < 2) return outcome;
-  truepose_control_defaults(&settings);
-  settings.period = tej->period;
-  outcome = truepose_place_poles(robot, tej->table.robot.home, 50, 1, &settings);
-  return outcome.status > TRUEPOSE_OK ? outcome
-                                      : truepose_safety_defaults(robot, &settings, limits);
-}
-
+/** Prepares a test. The limits of level 2 are the robot's own, at a natural frequency that only
+ * sets limits not used here; level 1 has no torques, hence needs none. */
 static truepose_outcome begin(truepose_starter* starter, const truepose_starter_input* input,
                               const truepose_corrector* tej, const truepose_corrector_input* in) {
   const truepose_model* robot = &tej->pupil.drawn;
   truepose_safety_limits limits = truepose_corrector_limits(tej, in);
   truepose_start_settings settings;
-  const truepose_outcome outcome = limits_for(tej, robot, starter->level, &limits);
-  if (outcome.status > TRUEPOSE_OK) return outcome;
-  limits.brake = input->brake;
   truepose_start_defaults(&settings);
+  if (starter->level < 2) {
+    settings.pairs = 0;
+  } else {
+    truepose_control_settings control;
+    truepose_control_defaults(&control);
+    control.period = tej->period;
+    truepose_outcome outcome = truepose_place_poles(robot, tej->table.robot.home, 50, 1, &control);
+    if (outcome.status <= TRUEPOSE_OK) outcome = truepose_safety_defaults(robot, &control, &limits);
+    if (outcome.status > TRUEPOSE_OK) return outcome;
+  }
+  limits.brake = input->brake;
   settings.brake_opens = input->opens;
   settings.motion = input->motion;
-  if (starter->level < 2) settings.pairs = 0;
   return truepose_start_test_init(&starter->test, sizeof starter->test, robot, &settings, &limits);
 }
 
@@ -40,7 +33,7 @@ static void assume_zeros(truepose_starter* starter, const truepose_corrector* te
   truepose_real x[6], expected[TRUEPOSE_READINGS];
   memset(starter->zero, 0, sizeof starter->zero);
   memcpy(x, tej->table.robot.home, sizeof x);
-  if (truepose_fkm(&tej->pupil.drawn, q_e, kCap, x).outcome.status > TRUEPOSE_OK ||
+  if (truepose_fkm(&tej->pupil.drawn, q_e, 30, x).outcome.status > TRUEPOSE_OK ||
       truepose_readings(&tej->pupil.drawn, x, expected).status > TRUEPOSE_OK)
     return;
   for (int k = 0; k < tej->sensors; ++k)

@@ -7,6 +7,7 @@
 
 #include "truepose/truepose.h"
 
+enum { TRUEPOSE_STEPS = 12 }; /**< most of the forward model: commands move little per cycle */
 enum { TRUEPOSE_TABLE_PARAMETERS = 256 }; /**< maximum number of uncertain parameters */
 
 /** The controller's model of a robot, and the settings of its fault monitor. */

@@ -5,7 +5,6 @@
 #include <string.h>
 
 enum {
-  kCap = 12, /* maximum steps of the forward model: commands move little per cycle */
   kLoop = 50 /* 1/s, of the drives' position loops, as exported */
 };
 
@@ -57,8 +56,6 @@ static void goes_by(truepose_corrector* tej, int learnt, int anew) {
 
 /** Observes external forces from the drives' torques; off where the robot has no torque limits. */
 static void observe(truepose_corrector* tej, const truepose_corrector_input* input) {
-  memset(&tej->disturbance, 0, sizeof tej->disturbance);
-  tej->disturbance.motor = -1;
   if (!input->observe || !tej->monitoring) {
     tej->observing = 0;
     return;
@@ -161,7 +158,8 @@ static void learn(truepose_corrector* tej, const truepose_corrector_input* input
 static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e, truepose_real* correction) {
   truepose_real e[6];
-  const truepose_fkm_result pose = truepose_fkm(&tej->commanded, input->q_d, kCap, tej->x_d);
+  const truepose_fkm_result pose =
+      truepose_fkm(&tej->commanded, input->q_d, TRUEPOSE_STEPS, tej->x_d);
   truepose_outcome outcome = pose.outcome;
   if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, e);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
@@ -202,7 +200,7 @@ static void question(truepose_corrector* tej, const truepose_corrector_input* in
   tej->questioned = 0;
   if (!(input->chi2 > 0) || !tej->table.monitored || !tej->pupil.able) return;
   memcpy(x, tej->x_d, sizeof x);
-  outcome = truepose_fkm(&tej->pupil.drawn, q_e, kCap, x).outcome;
+  outcome = truepose_fkm(&tej->pupil.drawn, q_e, TRUEPOSE_STEPS, x).outcome;
   if (outcome.status <= TRUEPOSE_OK) {
     const truepose_estimate_result found =
         truepose_estimate(&tej->pupil.drawn, &tej->table.known, q_e, tej->work, x);
@@ -276,6 +274,8 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
   tej->outcome.status = TRUEPOSE_OK;
   tej->outcome.part = -1;
   tej->changed = 0;
+  memset(&tej->disturbance, 0, sizeof tej->disturbance);
+  tej->disturbance.motor = -1;
   tej->enabled = input->enable;
   tej->lost = untold | not_finite(input->q_e, tej->motors);
   if (ends) hold(tej);
@@ -297,8 +297,6 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
     tej->warm = 0;
-    memset(&tej->disturbance, 0, sizeof tej->disturbance);
-    tej->disturbance.motor = -1;
   }
   if (untold != 0) {
     fails(tej, TRUEPOSE_TEJ_COMMAND, TRUEPOSE_NOT_FINITE, first(untold));
@@ -336,7 +334,7 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
     if (input->enable) tej->led[i] += kLoop * tej->period * tej->error[i];
     seen[i] = q_e[i] - (input->enable ? asked[i] : tej->correction[i]);
   }
-  truepose_fkm(&tej->commanded, seen, kCap, tej->pose);
+  truepose_fkm(&tej->commanded, seen, TRUEPOSE_STEPS, tej->pose);
 }
 
 truepose_safety_limits truepose_corrector_limits(const truepose_corrector* tej,
@@ -390,7 +388,7 @@ static void guard(truepose_corrector* tej, const truepose_corrector_input* input
     safe->state = tej->guarding ? TRUEPOSE_SAFETY_STOPPED : TRUEPOSE_SAFETY_FAULT;
     safe->cause = tej->guarding ? TRUEPOSE_STOP_NONE : TRUEPOSE_STOP_CONTRADICTORY_LIMITS;
     safe->part = outcome.part;
-    safe->causes = tej->guarding ? 0 : 1U << TRUEPOSE_STOP_CONTRADICTORY_LIMITS;
+    safe->causes = tej->guarding ? 0 : 1U << safe->cause;
     safe->brakes = all;
   }
   if (tej->guarding) {

@@ -5,8 +5,18 @@
  *
  * The mathematics is in kins_core.c; this is the interface of LinuxCNC 2.9 and HAL. MIT. */
 #define COMPONENT "truepose_kins"
-#include "component.h"
+#define PINS(PIN)                                                                \
+  PIN(ONE, s32, OUT, status, "status", 0, told.status)                           \
+  PIN(ONE, s32, OUT, part, "part", 0, told.part)                                 \
+  PIN(ONE, u32, OUT, refused, "refused", 0)                                      \
+  PIN(AXIS, float, OUT, refused_at, "refused-at", 0)                             \
+  PIN(ONE, s32, OUT, iterations, "iterations", 0, kins.iterations)               \
+  PIN(ONE, s32, OUT, most_iterations, "max-iterations", 0, kins.most_iterations) \
+  PIN(ONE, float, OUT, residual, "residual", 0, kins.residual)                   \
+  PIN(ONE, float, OUT, conditioning, "conditioning", 0, kins.conditioning)       \
+  PIN(ONE, float, IN, least_conditioning, "least-conditioning", 0.01)
 #include "kinematics.h"
+#include "pins.h"
 
 #include "geometry.h"
 
@@ -23,14 +33,6 @@ RTAPI_MP_STRING(coordinates, "axis letters of the joints under identity kinemati
 typedef enum source { FROM_TABLE, FROM_HEXAPOD, FROM_LINEAR_DELTA, FROM_ROTARY_DELTA } source;
 static source from;
 static truepose_kins kins;
-
-/* Output pins of this module, whatever pins describe the robot. */
-static struct says {
-  hal_s32_t *status, *part, *iterations, *most_iterations;
-  hal_u32_t* refused;
-  hal_float_t *conditioning, *least_conditioning, *residual;
-  hal_float_t* refused_at[TRUEPOSE_KINS_AXES];
-}* says;
 
 static truepose_outcome told; /* refusal in the log, */
 static int since;             /* and number of calls since */
@@ -78,7 +80,7 @@ static int refresh(void) {
     kins.cap = *hexapod_pins->limit_iterations;
     if (kins.cap > 60) kins.cap = 60;
   }
-  kins.least_conditioning = *says->least_conditioning;
+  kins.least_conditioning = *pin->least_conditioning;
   return loaded;
 }
 
@@ -87,10 +89,8 @@ static void say(int forward) {
   enum { AGAIN = 1000 };
   const int refused = kins.outcome.status > TRUEPOSE_OK;
   if (refused) {
-    *says->status = kins.refusal.status;
-    *says->part = kins.refusal.part;
-    ++*says->refused;
-    for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) *says->refused_at[k] = kins.refused[k];
+    ++*pin->refused;
+    for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) *pin->refused_at[k] = kins.refused[k];
     if (told.status != kins.refusal.status || told.part != kins.refusal.part || since > AGAIN)
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_kins: %s refused: %s (chain %d)\n",
                       forward ? "joints" : "a pose", truepose_status_text(kins.refusal.status),
@@ -100,10 +100,7 @@ static void say(int forward) {
   } else if (since <= AGAIN) {
     ++since;
   }
-  if (!forward) *says->conditioning = kins.conditioning;
-  *says->iterations = kins.iterations;
-  *says->most_iterations = kins.most_iterations;
-  *says->residual = kins.residual;
+  PINS(TRUEPOSE_SHOW)
   if (from != FROM_HEXAPOD) return;
   for (int i = 0; i < 6; ++i) *hexapod_pins->correction[i] = kins.screw.correction[i];
   if (!forward) return;
@@ -115,8 +112,6 @@ static void say(int forward) {
 int kinematicsForward(const double* joints, EmcPose* pose, const KINEMATICS_FORWARD_FLAGS* fflags,
                       KINEMATICS_INVERSE_FLAGS* iflags) {
   double axes[9], q[9] = {0};
-  (void)fflags;
-  (void)iflags;
   if (!refresh()) return -1;
   memcpy(axes, pose, sizeof axes);
   if (from == FROM_HEXAPOD && switched) { /* the pose for a visualisation */
@@ -141,8 +136,6 @@ int kinematicsForward(const double* joints, EmcPose* pose, const KINEMATICS_FORW
 int kinematicsInverse(const EmcPose* pose, double* joints, const KINEMATICS_INVERSE_FLAGS* iflags,
                       KINEMATICS_FORWARD_FLAGS* fflags) {
   double axes[9], q[9];
-  (void)fflags;
-  (void)iflags;
   if (!refresh()) return -1;
   if (switched) {
     for (int i = 0; i < 6; ++i)
@@ -170,25 +163,6 @@ EXPORT_SYMBOL(kinematicsInverse);
 EXPORT_SYMBOL(kinematicsType);
 EXPORT_SYMBOL(kinematicsSwitchable);
 EXPORT_SYMBOL(kinematicsSwitch);
-
-static int say_pins(void) {
-  int bad = 0;
-  says = hal_malloc(sizeof *says);
-  if (says == NULL) return -1;
-  bad |= new_pin(HAL_S32, &says->status, HAL_OUT, 0, "truepose_kins.status");
-  bad |= new_pin(HAL_S32, &says->part, HAL_OUT, 0, "truepose_kins.part");
-  bad |= new_pin(HAL_U32, &says->refused, HAL_OUT, 0, "truepose_kins.refused");
-  for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k)
-    bad |= new_pin(HAL_FLOAT, &says->refused_at[k], HAL_OUT, 0, "truepose_kins.refused-at.%c",
-                   "xyzabcuvw"[k]);
-  bad |= new_pin(HAL_S32, &says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
-  bad |= new_pin(HAL_S32, &says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
-  bad |= new_pin(HAL_FLOAT, &says->residual, HAL_OUT, 0, "truepose_kins.residual");
-  bad |= new_pin(HAL_FLOAT, &says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
-  bad |= new_pin(HAL_FLOAT, &says->least_conditioning, HAL_IN, 0.01,
-                 "truepose_kins.least-conditioning");
-  return bad;
-}
 
 static int hexapod_new(void) {
   static const char* const offsets[] = {"spindle-offset", "tool-offset", "screw-lead"};
@@ -281,6 +255,6 @@ static int pins_of_source(void) {
   return bad;
 }
 
-static int begin(void) { return say_pins() != 0 ? -1 : pins_of_source(); }
+static int begin(void) { return make_pins() != 0 ? -1 : pins_of_source(); }
 
 void rtapi_app_exit(void) { hal_exit(id); }

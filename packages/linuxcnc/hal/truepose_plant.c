@@ -19,7 +19,7 @@
   PIN(ONE, bit, IN, coarse, "counts", 1)                 \
   PIN(ONE, bit, OUT, blocked, "blocked", 0)              \
   PIN(ONE, s32, OUT, status, "status", 0)
-#include "pins.h"
+#include "cycles.h"
 
 #include "plant_core.h"
 
@@ -31,8 +31,8 @@ static int begun;
 
 static void begin_here(void) {
   truepose_real q[6] = {0};
-  for (int i = 0; i < motors; ++i) q[i] = *pins->start[i] * scale[i];
-  *pins->status = truepose_plant_begin(&plant, &robot, 1e-6 * period_us, q).status;
+  for (int i = 0; i < motors; ++i) q[i] = *pin->start[i] * scale[i];
+  *pin->status = truepose_plant_begin(&plant, &robot, 1e-6 * period_us, q).status;
   begun = 1;
 }
 
@@ -40,26 +40,24 @@ static void cycle(void* unused, long period) {
   truepose_real velocity[6] = {0}, index[TRUEPOSE_READINGS], size[TRUEPOSE_READINGS];
   int32_t fault[TRUEPOSE_READINGS];
   int asks[TRUEPOSE_READINGS];
-  (void)unused;
-  (void)period;
   if (!begun) begin_here();
-  if (*pins->status > TRUEPOSE_OK) return;
-  plant.coarse = *pins->coarse;
-  for (int i = 0; i < motors; ++i) velocity[i] = *pins->velocity[i] * scale[i];
+  if (*pin->status > TRUEPOSE_OK) return;
+  plant.coarse = *pin->coarse;
+  for (int i = 0; i < motors; ++i) velocity[i] = *pin->velocity[i] * scale[i];
   for (int c = 0; c < readings; ++c) {
-    index[c] = *pins->index[c] * scale[c];
-    size[c] = *pins->size[c] * scale[c];
-    fault[c] = *pins->fault[c];
-    asks[c] = *pins->index_enable[c];
-    plant.absolute[c] = *pins->absolute[c];
+    index[c] = *pin->index[c] * scale[c];
+    size[c] = *pin->size[c] * scale[c];
+    fault[c] = *pin->fault[c];
+    asks[c] = *pin->index_enable[c];
+    plant.absolute[c] = *pin->absolute[c];
   }
   truepose_plant_cycle(&plant, velocity, fault, size, index, asks);
   for (int c = 0; c < readings; ++c) {
-    *pins->position[c] = plant.read[c] / scale[c];
-    *pins->index_enable[c] = asks[c];
+    *pin->position[c] = plant.read[c] / scale[c];
+    *pin->index_enable[c] = asks[c];
   }
-  for (int k = 0; k < motors; ++k) *pins->pose[k] = plant.x[k] / pose_scale[k];
-  *pins->blocked = plant.blocked;
+  for (int k = 0; k < motors; ++k) *pin->pose[k] = plant.x[k] / pose_scale[k];
+  *pin->blocked = plant.blocked;
 }
 
 static int begin(void) {

@@ -4,79 +4,82 @@
  *   loadrt truepose_tej table=FILE [unit=mm|inch|m] [period_us=1000] [keep=FILE]
  *   addf truepose_tej servo-thread      # after motion-controller, before pid */
 #define COMPONENT "truepose_tej"
-#define PINS(PIN)                                                                 \
-  PIN(MOTOR, float, IN, command, "command", 0)                                    \
-  PIN(MOTOR, float, IN, offset, "motor-offset", 0)                                \
-  PIN(MOTOR, float, IN, motor_fb, "motor-fb", 0)                                  \
-  PIN(MOTOR, float, OUT, pid_fb, "pid-fb", 0)                                     \
-  PIN(MOTOR, float, OUT, correction, "correction", 0)                             \
-  PIN(MOTOR, float, OUT, e_q, "e-q", 0)                                           \
-  PIN(MOTOR, float, IN, torque_fb, "torque-fb", 0)                                \
-  PIN(MOTOR, float, OUT, torque, "torque", 0)                                     \
-  PIN(MOTOR, bit, OUT, amp_fault, "amp-fault", 0)                                 \
-  PIN(MOTOR, bit, IN, homed, "homed", 1)                                          \
-  PIN(MOTOR, bit, OUT, brake, "brake", 1)                                         \
-  PIN(MOTOR, float, IN, safe_speed, "safe-speed", 0)                              \
-  PIN(MOTOR, float, IN, safe_error, "safe-error", 5)                              \
-  PIN(POSE, float, OUT, pose, "pose", 0)                                          \
-  PIN(POSE, float, OUT, sigma, "pose-sigma", 0)                                   \
-  PIN(SENSOR, float, IN, position, "position", 0)                                 \
-  PIN(SENSOR, float, IN, index_angle, "index-angle", 0)                           \
-  PIN(SENSOR, bit, IO, index_enable, "index-enable", 0)                           \
-  PIN(SENSOR, bit, IN, absolute, "absolute", 0)                                   \
-  PIN(SENSOR, bit, OUT, referenced, "referenced", 0)                              \
-  PIN(READING, bit, OUT, failed, "failed", 0)                                     \
-  PIN(READING, s32, OUT, symptom, "symptom", 0)                                   \
-  PIN(ONE, bit, IN, learn, "learn", 0)                                            \
-  PIN(ONE, bit, IN, use_learnt, "use-learnt", 1)                                  \
-  PIN(ONE, float, IN, rest, "learn-rest", 0.2)                                    \
-  PIN(ONE, u32, OUT, lines, "lines", 0)                                           \
-  PIN(ONE, u32, OUT, left_out, "lines-left-out", 0)                               \
-  PIN(ONE, s32, OUT, learner_status, "learner-status", 0)                         \
-  PIN(ONE, bit, IN, safety, "safety", 0)                                          \
-  PIN(ONE, bit, IN, frame_known, "frame-known", 0)                                \
-  PIN(ONE, u32, IN, frame, "frame", 0)                                            \
-  PIN(ONE, s32, OUT, safety_state, "safety-state", 0)                             \
-  PIN(ONE, s32, OUT, safety_cause, "safety-cause", 0)                             \
-  PIN(ONE, s32, OUT, safety_motor, "safety-motor", -1)                            \
-  PIN(ONE, u32, OUT, safety_causes, "safety-causes", 0)                           \
-  PIN(ONE, bit, IN, observe, "observe", 0)                                        \
-  PIN(ONE, bit, OUT, warm, "warm", 0)                                             \
-  PIN(ONE, s32, OUT, disturbance, "disturbance", 0)                               \
-  PIN(ONE, s32, OUT, disturbance_motor, "disturbance-motor", -1)                  \
-  PIN(ONE, float, OUT, disturbance_size, "disturbance-size", 0)                   \
-  PIN(ONE, float, OUT, disturbance_sigma, "disturbance-sigma", 0)                 \
-  PIN(ONE, float, OUT, disturbance_chi2, "disturbance-chi2", 0)                   \
-  PIN(ONE, bit, IN, start_test, "start-test", 0)                                  \
-  PIN(ONE, s32, IN, start_level, "start-level", 0)                                \
-  PIN(ONE, float, IN, brake_closes, "brake-closes", 0.02)                         \
-  PIN(ONE, float, IN, brake_opens, "brake-opens", 0.02)                           \
-  PIN(ONE, float, IN, start_motion, "start-motion", 0.5e-3 / truepose_unit(unit)) \
-  PIN(ONE, bit, OUT, start_active, "start-active", 0)                             \
-  PIN(ONE, s32, OUT, start_reached, "start-reached", 0)                           \
-  PIN(ONE, s32, OUT, start_state, "start-state", 0)                               \
-  PIN(ONE, s32, OUT, start_finding, "start-finding", 0)                           \
-  PIN(ONE, s32, OUT, start_part, "start-part", -1)                                \
-  PIN(ONE, s32, OUT, start_other, "start-other", -1)                              \
-  PIN(ONE, u32, OUT, start_candidates, "start-candidates", 0)                     \
-  PIN(ONE, bit, IN, enable, "enable", 0)                                          \
-  PIN(ONE, bit, IN, monitor, "monitor", 0)                                        \
-  PIN(ONE, bit, IN, reset, "reset", 0)                                            \
-  PIN(ONE, bit, OUT, fault, "fault", 0)                                           \
-  PIN(ONE, bit, OUT, lost, "amp-fault", 0)                                        \
-  PIN(ONE, bit, OUT, stop, "stop", 0)                                             \
-  PIN(ONE, bit, OUT, all_referenced, "referenced", 0)                             \
-  PIN(ONE, s32, IN, law, "law", TRUEPOSE_LAW_JOINT)                               \
-  PIN(ONE, s32, OUT, in_effect, "law-in-effect", 0)                               \
-  PIN(ONE, s32, OUT, fault_code, "fault-code", 0)                                 \
-  PIN(ONE, s32, OUT, status, "status", 0)                                         \
-  PIN(ONE, s32, OUT, part, "part", 0)                                             \
-  PIN(ONE, float, IN, band, "band", 0)                                            \
-  PIN(ONE, float, IN, blend, "blend-time", 0.2)                                   \
-  PIN(ONE, float, IN, largest, "largest-correction", 5)                           \
-  PIN(ONE, float, OUT, chi2, "chi2", 0)                                           \
+#define PINS(PIN)                                                                        \
+  PIN(MOTOR, float, IN, command, "command", 0)                                           \
+  PIN(MOTOR, float, IN, offset, "motor-offset", 0)                                       \
+  PIN(MOTOR, float, IN, motor_fb, "motor-fb", 0)                                         \
+  PIN(MOTOR, float, OUT, pid_fb, "pid-fb", 0)                                            \
+  PIN(MOTOR, float, OUT, correction, "correction", 0)                                    \
+  PIN(MOTOR, float, OUT, e_q, "e-q", 0)                                                  \
+  PIN(MOTOR, float, IN, torque_fb, "torque-fb", 0)                                       \
+  PIN(MOTOR, float, OUT, torque, "torque", 0)                                            \
+  PIN(MOTOR, bit, OUT, amp_fault, "amp-fault", 0)                                        \
+  PIN(MOTOR, bit, IN, homed, "homed", 1)                                                 \
+  PIN(MOTOR, bit, OUT, brake, "brake", 1)                                                \
+  PIN(MOTOR, float, IN, safe_speed, "safe-speed", 0)                                     \
+  PIN(MOTOR, float, IN, safe_error, "safe-error", 5)                                     \
+  PIN(POSE, float, OUT, pose, "pose", 0)                                                 \
+  PIN(POSE, float, OUT, sigma, "pose-sigma", 0)                                          \
+  PIN(SENSOR, float, IN, position, "position", 0)                                        \
+  PIN(SENSOR, float, IN, index_angle, "index-angle", 0)                                  \
+  PIN(SENSOR, bit, IO, index_enable, "index-enable", 0)                                  \
+  PIN(SENSOR, bit, IN, absolute, "absolute", 0)                                          \
+  PIN(SENSOR, bit, OUT, referenced, "referenced", 0)                                     \
+  PIN(READING, bit, OUT, failed, "failed", 0)                                            \
+  PIN(READING, s32, OUT, symptom, "symptom", 0)                                          \
+  PIN(ONE, bit, IN, learn, "learn", 0)                                                   \
+  PIN(ONE, bit, IN, use_learnt, "use-learnt", 1)                                         \
+  PIN(ONE, float, IN, rest, "learn-rest", 0.2)                                           \
+  PIN(ONE, u32, OUT, lines, "lines", 0, tej.pupil.lines)                                 \
+  PIN(ONE, u32, OUT, left_out, "lines-left-out", 0, tej.pupil.left_out)                  \
+  PIN(ONE, s32, OUT, learner_status, "learner-status", 0, tej.pupil.outcome.status)      \
+  PIN(ONE, bit, IN, safety, "safety", 0)                                                 \
+  PIN(ONE, bit, IN, frame_known, "frame-known", 0)                                       \
+  PIN(ONE, u32, IN, frame, "frame", 0)                                                   \
+  PIN(ONE, s32, OUT, safety_state, "safety-state", 0, tej.safe.state)                    \
+  PIN(ONE, s32, OUT, safety_cause, "safety-cause", 0, tej.safe.cause)                    \
+  PIN(ONE, s32, OUT, safety_motor, "safety-motor", -1,                                   \
+      tej.safe.cause != TRUEPOSE_STOP_NONE ? tej.safe.part : -1)                         \
+  PIN(ONE, u32, OUT, safety_causes, "safety-causes", 0, tej.safe.causes)                 \
+  PIN(ONE, bit, IN, observe, "observe", 0)                                               \
+  PIN(ONE, bit, OUT, warm, "warm", 0, tej.warm)                                          \
+  PIN(ONE, s32, OUT, disturbance, "disturbance", 0, tej.disturbance.kind)                \
+  PIN(ONE, s32, OUT, disturbance_motor, "disturbance-motor", -1, tej.disturbance.motor)  \
+  PIN(ONE, float, OUT, disturbance_size, "disturbance-size", 0, tej.disturbance.size)    \
+  PIN(ONE, float, OUT, disturbance_sigma, "disturbance-sigma", 0, tej.disturbance.sigma) \
+  PIN(ONE, float, OUT, disturbance_chi2, "disturbance-chi2", 0, tej.disturbance.chi2)    \
+  PIN(ONE, bit, IN, start_test, "start-test", 0)                                         \
+  PIN(ONE, s32, IN, start_level, "start-level", 0)                                       \
+  PIN(ONE, float, IN, brake_closes, "brake-closes", 0.02)                                \
+  PIN(ONE, float, IN, brake_opens, "brake-opens", 0.02)                                  \
+  PIN(ONE, float, IN, start_motion, "start-motion", 0.5e-3 / truepose_unit(unit))        \
+  PIN(ONE, bit, OUT, start_active, "start-active", 0, starter.pulses)                    \
+  PIN(ONE, s32, OUT, start_reached, "start-reached", 0, starter.reached)                 \
+  PIN(ONE, s32, OUT, start_state, "start-state", 0, starter.report.state)                \
+  PIN(ONE, s32, OUT, start_finding, "start-finding", 0, starter.report.finding)          \
+  PIN(ONE, s32, OUT, start_part, "start-part", -1, starter.report.part)                  \
+  PIN(ONE, s32, OUT, start_other, "start-other", -1, starter.report.other)               \
+  PIN(ONE, u32, OUT, start_candidates, "start-candidates", 0, starter.report.candidates) \
+  PIN(ONE, bit, IN, enable, "enable", 0)                                                 \
+  PIN(ONE, bit, IN, monitor, "monitor", 0)                                               \
+  PIN(ONE, bit, IN, reset, "reset", 0)                                                   \
+  PIN(ONE, bit, OUT, fault, "fault", 0, tej.fault != TRUEPOSE_TEJ_NO_FAULT)              \
+  PIN(ONE, bit, OUT, lost, "amp-fault", 0, tej.lost != 0)                                \
+  PIN(ONE, bit, OUT, stop, "stop", 0, tej.inhibit)                                       \
+  PIN(ONE, bit, OUT, all_referenced, "referenced", 0, in.referenced)                     \
+  PIN(ONE, s32, IN, law, "law", TRUEPOSE_LAW_JOINT)                                      \
+  PIN(ONE, s32, OUT, in_effect, "law-in-effect", 0, tej.law)                             \
+  PIN(ONE, s32, OUT, fault_code, "fault-code", 0, tej.fault)                             \
+  PIN(ONE, s32, OUT, status, "status", 0,                                                \
+      (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).status)              \
+  PIN(ONE, s32, OUT, part, "part", 0,                                                    \
+      (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).part)                \
+  PIN(ONE, float, IN, band, "band", 0)                                                   \
+  PIN(ONE, float, IN, blend, "blend-time", 0.2)                                          \
+  PIN(ONE, float, IN, largest, "largest-correction", 5)                                  \
+  PIN(ONE, float, OUT, chi2, "chi2", 0, tej.chi2)                                        \
   PIN(ONE, float, IN, largest_chi2, "largest-chi2", 0)
-#include "pins.h"
+#include "cycles.h"
 
 #include "start_core.h"
 
@@ -100,26 +103,29 @@ static uint32_t told_failed; /* failed readings in the log */
 static uint32_t sensors(truepose_real* read) {
   uint32_t all = 0;
   for (int k = 0; k < tej.sensors; ++k) {
-    int asks = *pins->index_enable[k];
+    int asks = *pin->index_enable[k];
     /* A reading must not jump to its index during a start-up test. */
     if (starter.running && !seen[k].known) seen[k].armed = asks = 0;
-    const int known = *pins->absolute[k] || truepose_index_cycle(&seen[k], *pins->enable, &asks);
-    *pins->index_enable[k] = asks;
-    *pins->referenced[k] = known;
+    const int known = *pin->absolute[k] || truepose_index_cycle(&seen[k], *pin->enable, &asks);
+    *pin->index_enable[k] = asks;
+    *pin->referenced[k] = known;
     all |= (uint32_t)known << k;
-    const truepose_real from = *pins->absolute[k] ? 0 : *pins->index_angle[k];
-    read[k] = (*pins->position[k] + from) * scale[motors + k];
+    const truepose_real from = *pin->absolute[k] ? 0 : *pin->index_angle[k];
+    read[k] = (*pin->position[k] + from) * scale[motors + k];
   }
   return all;
 }
 
-/** Name of a reading in messages. */
-static const char* name_of(int reading, char* name, int size) {
+/** Name of a reading in messages, which have two at most. */
+static const char* name_of(int reading) {
+  static char names[2][32];
+  static int last;
+  char* const name = names[last ^= 1];
   if (reading < 0) return "";
   if (reading < motors)
-    rtapi_snprintf(name, size, ", motor %d", reading);
+    rtapi_snprintf(name, sizeof *names, ", motor %d", reading);
   else
-    rtapi_snprintf(name, size, ", sensor %d", reading - motors);
+    rtapi_snprintf(name, sizeof *names, ", sensor %d", reading - motors);
   return name;
 }
 
@@ -128,7 +134,6 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
   static const char* const symptoms[] = {"no symptom", "missing", "out of range",
                                          "too fast",   "stuck",   "disagrees with the others",
                                          "noisy"};
-  char name[32];
   static const char* const why[] = {
       "no fault",
       "a reading is no number",
@@ -149,30 +154,27 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
   told_failed = tej.left_out;
   for (int c = 0; c < readings; ++c)
     if (fails >> c & 1U)
-      rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: a reading has failed%s: %s\n",
-                      name_of(c, name, sizeof name), symptoms[tej.symptom[c]]);
+      rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: a reading has failed%s: %s\n", name_of(c),
+                      symptoms[tej.symptom[c]]);
   for (int c = TRUEPOSE_STOP_REQUESTED + 1; c <= TRUEPOSE_STOP_NOT_READY; ++c)
     if ((tej.safe.causes & ~told_causes) >> c & 1U)
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: safety: %s%s\n", truepose_stop_cause_text(c),
-                      name_of(c == tej.safe.cause ? tej.safe.part : -1, name, sizeof name));
+                      name_of(c == tej.safe.cause ? tej.safe.part : -1));
   told_causes = tej.safe.causes;
   if (tej.disturbance.kind != disturbed && tej.disturbance.kind != TRUEPOSE_NO_DISTURBANCE)
     rtapi_print_msg(RTAPI_MSG_INFO, "truepose_tej: %s of %.3g%s\n", forces[tej.disturbance.kind],
-                    (double)tej.disturbance.size,
-                    name_of(tej.disturbance.motor, name, sizeof name));
+                    (double)tej.disturbance.size, name_of(tej.disturbance.motor));
   disturbed = tej.disturbance.kind;
   if (tej.fault == told) return;
   told = tej.fault;
   if (told != 0)
     rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: fault %d: %s (%s%s)\n", told, why[told],
-                    truepose_status_text(tej.reason.status),
-                    name_of(tej.reason.part, name, sizeof name));
+                    truepose_status_text(tej.reason.status), name_of(tej.reason.part));
 }
 
 /** Logs the result of a start-up test, and a machine on without one. */
 static void tell_start(const truepose_corrector_input* in, int ended) {
   const truepose_start_report* const report = &starter.report;
-  char part[32], other[32];
   const int refused = in->enable && in->safety && !in->proven;
   if (refused && !unproven)
     rtapi_print_msg(RTAPI_MSG_ERR,
@@ -185,71 +187,63 @@ static void tell_start(const truepose_corrector_input* in, int ended) {
                     starter.reached);
   else
     rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: start-up test: %s%s%s\n",
-                    truepose_start_finding_text(report->finding),
-                    name_of(report->part, part, sizeof part),
-                    name_of(report->other, other, sizeof other));
+                    truepose_start_finding_text(report->finding), name_of(report->part),
+                    name_of(report->other));
   for (int c = 0; c < readings; ++c)
     if (report->candidates >> c & 1U)
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: start-up test: may be miswired%s\n",
-                      name_of(c, part, sizeof part));
+                      name_of(c));
 }
 
 /** The start-up test's cycle. */
 static void start_cycle(const truepose_corrector_input* in, int32_t homed, uint32_t known) {
-  const truepose_starter_input wanted = {.request = *pins->start_test,
-                                         .level = *pins->start_level,
-                                         .brake = *pins->brake_closes,
-                                         .opens = *pins->brake_opens,
-                                         .motion = *pins->start_motion * truepose_unit(unit),
+  const truepose_starter_input wanted = {.request = *pin->start_test,
+                                         .level = *pin->start_level,
+                                         .brake = *pin->brake_closes,
+                                         .opens = *pin->brake_opens,
+                                         .motion = *pin->start_motion * truepose_unit(unit),
                                          .homed = homed,
                                          .known = known};
   const int ended = truepose_starter_cycle(&starter, &wanted, &tej, in);
   for (int i = 0; i < motors; ++i) {
-    *pins->torque[i] = starter.pulses ? starter.report.torque[i] : 0;
+    *pin->torque[i] = starter.pulses ? starter.report.torque[i] : 0;
     if (!starter.running) continue;
-    *pins->brake[i] = starter.report.brakes >> i & 1U;
-    *pins->amp_fault[i] = 1; /* the machine cannot go on */
+    *pin->brake[i] = starter.report.brakes >> i & 1U;
+    *pin->amp_fault[i] = 1; /* the machine cannot go on */
   }
-  *pins->start_active = starter.pulses;
-  *pins->start_reached = starter.reached;
-  *pins->start_state = starter.report.state;
-  *pins->start_finding = starter.report.finding;
-  *pins->start_part = starter.report.part;
-  *pins->start_other = starter.report.other;
-  *pins->start_candidates = starter.report.candidates;
   tell_start(in, ended);
 }
+
+#define TAKE(member) in.member = *pin->member
 
 static void cycle(void* unused, long period) {
   static truepose_corrector_input in;
   int32_t index_known, all_homed = 1;
   uint32_t known;
-  (void)unused;
-  (void)period;
-  in.enable = *pins->enable;
-  in.law = *pins->law;
-  in.monitor = *pins->monitor;
-  in.reset = *pins->reset;
-  in.observe = *pins->observe;
-  in.safety = *pins->safety;
-  in.proven = !starter.running && starter.reached >= *pins->start_level;
-  in.frame = *pins->frame;
-  in.frame_known = *pins->frame_known;
-  in.learn = *pins->learn;
-  in.learnt = *pins->use_learnt;
-  in.rest = *pins->rest;
-  in.band = *pins->band;
-  in.blend = *pins->blend;
-  in.chi2 = *pins->largest_chi2;
+  TAKE(enable);
+  TAKE(law);
+  TAKE(monitor);
+  TAKE(reset);
+  TAKE(observe);
+  TAKE(safety);
+  TAKE(frame);
+  TAKE(frame_known);
+  TAKE(learn);
+  TAKE(rest);
+  TAKE(band);
+  TAKE(blend);
+  in.proven = !starter.running && starter.reached >= *pin->start_level;
+  in.learnt = *pin->use_learnt;
+  in.chi2 = *pin->largest_chi2;
   for (int i = 0; i < motors; ++i) {
-    in.torque[i] = *pins->torque_fb[i];
-    in.q_d[i] = (*pins->command[i] - *pins->offset[i]) * scale[i];
-    in.q_e[i] = (*pins->motor_fb[i] - *pins->offset[i]) * scale[i];
-    in.zero[i] = *pins->offset[i] * scale[i];
-    in.largest[i] = *pins->largest * scale[i];
-    in.speed[i] = *pins->safe_speed[i] * scale[i];
-    in.error_limit[i] = *pins->safe_error[i] * scale[i];
-    all_homed = all_homed && *pins->homed[i];
+    in.torque[i] = *pin->torque_fb[i];
+    in.q_d[i] = (*pin->command[i] - *pin->offset[i]) * scale[i];
+    in.q_e[i] = (*pin->motor_fb[i] - *pin->offset[i]) * scale[i];
+    in.zero[i] = *pin->offset[i] * scale[i];
+    in.largest[i] = *pin->largest * scale[i];
+    in.speed[i] = *pin->safe_speed[i] * scale[i];
+    in.error_limit[i] = *pin->safe_error[i] * scale[i];
+    all_homed = all_homed && *pin->homed[i];
   }
   known = sensors(in.q_e + motors);
   index_known = known == (1U << tej.sensors) - 1;
@@ -257,42 +251,21 @@ static void cycle(void* unused, long period) {
   truepose_corrector_cycle(&tej, &in);
   for (int i = 0; i < motors; ++i) {
     if (tej.fault != TRUEPOSE_TEJ_COMMAND)
-      *pins->pid_fb[i] = *pins->command[i] - tej.error[i] / scale[i];
-    *pins->correction[i] = tej.correction[i] / scale[i];
-    *pins->e_q[i] = tej.e_q[i] / scale[i];
-    *pins->amp_fault[i] = tej.lost >> i & 1U;
-    *pins->brake[i] = tej.brakes >> i & 1U;
-    *pins->pose[i] = tej.pose[i] / pose_scale[i];
+      *pin->pid_fb[i] = *pin->command[i] - tej.error[i] / scale[i];
+    *pin->correction[i] = tej.correction[i] / scale[i];
+    *pin->e_q[i] = tej.e_q[i] / scale[i];
+    *pin->amp_fault[i] = tej.lost >> i & 1U;
+    *pin->brake[i] = tej.brakes >> i & 1U;
+    *pin->pose[i] = tej.pose[i] / pose_scale[i];
   }
-  *pins->all_referenced = in.referenced;
-  *pins->in_effect = tej.law;
-  *pins->fault = tej.fault != TRUEPOSE_TEJ_NO_FAULT;
-  *pins->fault_code = tej.fault;
-  *pins->stop = tej.inhibit;
-  *pins->safety_state = tej.safe.state;
-  *pins->safety_cause = tej.safe.cause;
-  *pins->safety_motor = tej.safe.cause != TRUEPOSE_STOP_NONE ? tej.safe.part : -1;
-  *pins->safety_causes = tej.safe.causes;
-  *pins->lost = tej.lost != 0;
-  *pins->chi2 = tej.chi2;
-  *pins->status = (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).status;
-  *pins->part = (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).part;
   for (int c = 0; c < readings; ++c) {
-    *pins->failed[c] = tej.left_out >> c & 1U;
-    *pins->symptom[c] = tej.symptom[c];
+    *pin->failed[c] = tej.left_out >> c & 1U;
+    *pin->symptom[c] = tej.symptom[c];
   }
-  *pins->lines = (hal_u32_t)tej.pupil.lines;
-  *pins->left_out = (hal_u32_t)tej.pupil.left_out;
-  *pins->learner_status = tej.pupil.outcome.status;
-  for (int k = 0; k < motors; ++k) *pins->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
-  *pins->warm = tej.warm;
-  *pins->disturbance = tej.disturbance.kind;
-  *pins->disturbance_motor = tej.disturbance.motor;
-  *pins->disturbance_size = tej.disturbance.size;
-  *pins->disturbance_sigma = tej.disturbance.sigma;
-  *pins->disturbance_chi2 = tej.disturbance.chi2;
+  for (int k = 0; k < motors; ++k) *pin->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
   tell(&in, index_known);
   start_cycle(&in, all_homed, known);
+  PINS(TRUEPOSE_SHOW)
 }
 
 /** Replaces the table by what an earlier session identified from this same table. */

@@ -19,6 +19,23 @@ BITS += ("sensor.0.index-enable", "referenced")
 BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
 
+class Tej:
+    """The loaded component; its pins by name."""
+
+    def __init__(self, module, run):
+        self.module, self.library, self.run = module, module.library, run
+
+    def _pin(self, name):
+        kind = PINS.get(name, ctypes.c_bool if name in BITS else ctypes.c_double)
+        return self.module.pin(f"truepose_tej.{name}", kind)
+
+    def __getitem__(self, name):
+        return self._pin(name)[0]
+
+    def __setitem__(self, name, value):
+        self._pin(name)[0] = value
+
+
 @pytest.fixture
 def tej(hal, ours, tmp_path):
     """Load the component for a robot that stands at home, its drives on."""
@@ -31,21 +48,15 @@ def tej(hal, ours, tmp_path):
             return module
         q = np.degrees(robot.ikm(robot.home))
         motors = [f"{i}.{name}" for i in range(robot.n) for name in ("command", "motor-fb")]
-        names = [*motors, *PINS, *BITS, "sensor.0.position", "2.pid-fb"]
-        names += ["2.safe-speed"]
+        names = [*motors, *PINS, *BITS, "sensor.0.position", "2.pid-fb", "2.safe-speed"]
         names += [f"pose.{k}" for k in range(robot.n)]
         module.knows(*(f"truepose_tej.{name}" for name in names))
-
-        def pin(name):
-            kind = PINS.get(name, ctypes.c_bool if name in BITS else ctypes.c_double)
-            return module.pin(f"truepose_tej.{name}", kind)
-
+        loaded = Tej(module, hal.stub_run)
         for name in motors:
-            pin(name)[0] = q[int(name[0])]
-        pin("sensor.0.position")[0] = np.degrees(robot.rkm(robot.home)[0])
-        pin("enable")[0] = True
-        module.set, module.run = pin, hal.stub_run
-        return module
+            loaded[name] = q[int(name[0])]
+        loaded["sensor.0.position"] = np.degrees(robot.rkm(robot.home)[0])
+        loaded["enable"] = True
+        return loaded
 
     return load
 
@@ -57,14 +68,14 @@ def h4():
 
 def answer(module, **bits):
     """Let a component stand for half a second, θ off by 0.3°; return what a motor is told."""
-    module.set("sensor.0.position")[0] += 0.3
-    module.set("sensor.0.absolute")[0] = True
+    module["sensor.0.position"] += 0.3
+    module["sensor.0.absolute"] = True
     for name, wanted in bits.items():
-        module.set(name)[0] = wanted
-    module.set("law")[0] = 1
+        module[name] = wanted
+    module["law"] = 1
     module.run(500)
-    assert module.set("law-in-effect")[0] == 1
-    return module.set("2.pid-fb")[0] - module.set("2.command")[0]
+    assert module["law-in-effect"] == 1
+    return module["2.pid-fb"] - module["2.command"]
 
 
 def test_what_was_learnt_is_kept_for_the_same_table_alone(tej, h4, tmp_path, capfd):
@@ -75,7 +86,7 @@ def test_what_was_learnt_is_kept_for_the_same_table_alone(tej, h4, tmp_path, cap
     assert not kept.exists()  # nothing was learnt
     module = tej(h4, keep=str(kept))
     learnt = answer(module, learn=True)
-    assert module.set("lines")[0] == 1
+    assert module["lines"] == 1
     assert abs(learnt - drawn) > 1e-3
     module.library.rtapi_app_exit()
     assert sorted(path.suffix for path in tmp_path.glob("*.table*")) == [".table", ".table"]
@@ -83,7 +94,7 @@ def test_what_was_learnt_is_kept_for_the_same_table_alone(tej, h4, tmp_path, cap
     assert capfd.readouterr().err == ""
 
     longer = h4.replace({"chain1.rod": h4.spec.chain[0].rod + 1e-3})
-    assert not tej(longer, keep=str(kept)).refused
+    assert isinstance(tej(longer, keep=str(kept)), Tej)
     assert "learnt of another table" in capfd.readouterr().err
     kept.write_bytes(kept.read_bytes()[:9000])
     assert answer(tej(h4, keep=str(kept))) == drawn
@@ -92,72 +103,72 @@ def test_what_was_learnt_is_kept_for_the_same_table_alone(tej, h4, tmp_path, cap
 
 def test_faults_and_an_index_that_is_waited_for_are_said_once(tej, h4, capfd):
     module = tej(h4)
-    module.set("law")[0] = 1
+    module["law"] = 1
     module.run(100)
-    assert not module.set("sensor.0.referenced")[0]
+    assert not module["sensor.0.referenced"]
     assert capfd.readouterr().err.count("until a sensor's index is passed") == 1
-    module.set("sensor.0.absolute")[0] = True
+    module["sensor.0.absolute"] = True
     module.run(100)
-    assert module.set("law-in-effect")[0] == 1
-    module.set("sensor.0.position")[0] = np.nan
+    assert module["law-in-effect"] == 1
+    module["sensor.0.position"] = np.nan
     module.run(300)
-    assert module.set("fault")[0]
-    assert module.set("law-in-effect")[0] == 0
-    assert np.isfinite(module.set("2.pid-fb")[0])
+    assert module["fault"]
+    assert module["law-in-effect"] == 0
+    assert np.isfinite(module["2.pid-fb"])
     error = capfd.readouterr().err
     assert error.count("\n") == 1
     assert "a reading is no number" in error
     assert "sensor 0" in error
-    module.set("sensor.0.position")[0] = 0
-    module.set("enable")[0] = False
+    module["sensor.0.position"] = 0
+    module["enable"] = False
     module.run(10)
-    module.set("enable")[0] = True
+    module["enable"] = True
     module.run(10)
-    assert not module.set("fault")[0]
-    assert (module.set("status")[0], module.set("part")[0]) == (4, 4)  # NOT_FINITE: why it was
+    assert not module["fault"]
+    assert (module["status"], module["part"]) == (4, 4)  # NOT_FINITE: why it was
 
 
 def test_an_amplifier_fault_is_of_the_motor_that_has_no_number(tej, h4):
     module = tej(h4)
     module.run(10)
-    module.set("1.motor-fb")[0] = np.nan
+    module["1.motor-fb"] = np.nan
     module.run(10)
-    assert [module.set(f"{i}.amp-fault")[0] for i in range(4)] == [False, True, False, False]
-    assert module.set("part")[0] == 1
+    assert [module[f"{i}.amp-fault"] for i in range(4)] == [False, True, False, False]
+    assert module["part"] == 1
 
 
 def test_the_safety_shell_names_a_frozen_frame_and_waits_for_reset(tej, h4, capfd):
     module = tej(h4)
     for name in ("safety", "frame-known", "sensor.0.absolute"):
-        module.set(name)[0] = True
+        module[name] = True
 
     def run(cycles, frames=1):
         for _ in range(cycles):
-            module.set("frame")[0] += frames
+            module["frame"] += frames
             module.run(1)
 
     def shown():
-        return module.set("safety-state")[0], module.set("3.brake")[0], module.set("stop")[0]
+        return module["safety-state"], module["3.brake"], module["stop"]
 
     run(60)
     assert shown() == (1, False, False)  # running
-    assert not module.set("2.amp-fault")[0]
+    assert not module["2.amp-fault"]
     run(3, frames=0)
-    assert [module.set(f"{i}.amp-fault")[0] for i in range(4)] == [True] * 4
-    module.set("enable")[0] = False
+    assert [module[f"{i}.amp-fault"] for i in range(4)] == [True] * 4
+    module["enable"] = False
     run(200)
     assert shown() == (4, True, False)  # a fault
-    causes = [module.set(f"safety-{name}")[0] for name in ("cause", "motor", "causes")]
+    causes = [module[f"safety-{name}"] for name in ("cause", "motor", "causes")]
     assert causes == [5, -1, 1 << 5]
-    assert module.set("fault-code")[0] == 7
+    assert module["fault-code"] == 7
     error = capfd.readouterr().err
     assert error.count("safety: stale frame") == 1
     assert "acknowledge by the pin reset" in error
-    module.set("reset")[0] = True
+    module["reset"] = True
     run(1)
-    module.set("reset")[0] = False
-    assert not module.set("2.amp-fault")[0]
-    module.set("enable")[0] = True
+    module["reset"] = False
+    assert not module["2.amp-fault"]
+    module["enable"] = True
     run(60)
     assert shown() == (1, False, False)
 
@@ -167,29 +178,29 @@ def test_brakes_stay_closed_until_the_readings_at_rest_have_passed_the_start_up_
     tej, h4, capfd, wired
 ):
     module = tej(h4)
-    module.set("start-level")[0] = 1
-    module.set("safety")[0] = module.set("sensor.0.absolute")[0] = True
+    module["start-level"] = 1
+    module["safety"] = module["sensor.0.absolute"] = True
     if not wired:
-        module.set("3.motor-fb")[0] *= -1
-        module.set("3.command")[0] *= -1
+        module["3.motor-fb"] *= -1
+        module["3.command"] *= -1
 
     def switched_on():
-        module.set("enable")[0] = True
+        module["enable"] = True
         module.run(60)
-        brake = module.set("3.brake")[0]
-        module.set("enable")[0] = False
+        brake = module["3.brake"]
+        module["enable"] = False
         module.run(60)
         return not brake
 
     assert not switched_on()
     assert "brakes stay closed until a start-up test passes" in capfd.readouterr().err
-    module.set("start-test")[0] = True
+    module["start-test"] = True
     module.run(1)
-    assert module.set("2.amp-fault")[0]  # the machine cannot go on
+    assert module["2.amp-fault"]  # the machine cannot go on
     module.run(200)
-    assert not module.set("start-active")[0]
-    assert module.set("start-reached")[0] == wired
-    assert module.set("start-state")[0] == (7 if wired else 8)
+    assert not module["start-active"]
+    assert module["start-reached"] == wired
+    assert module["start-state"] == (7 if wired else 8)
     assert switched_on() == wired
     if not wired:
         assert "start-up test: may be miswired, motor 3" in capfd.readouterr().err
@@ -198,57 +209,57 @@ def test_brakes_stay_closed_until_the_readings_at_rest_have_passed_the_start_up_
 @pytest.mark.parametrize("level", [1, 2])
 def test_an_encoder_whose_index_must_be_passed_does_not_block_the_start(tej, h4, capfd, level):
     module = tej(h4)
-    module.set("start-level")[0] = level
-    module.set("safety")[0] = True
-    module.set("law")[0] = 1
-    module.set("sensor.0.position")[0] = 7  # counts from power-on
+    module["start-level"] = level
+    module["safety"] = True
+    module["law"] = 1
+    module["sensor.0.position"] = 7  # counts from power-on
     module.run(60)  # on: the index is requested, and the brakes stay closed
-    assert module.set("sensor.0.index-enable")[0] and module.set("3.brake")[0]
-    module.set("enable")[0] = False
+    assert module["sensor.0.index-enable"] and module["3.brake"]
+    module["enable"] = False
     module.run(10)
-    module.set("start-test")[0] = True
+    module["start-test"] = True
     module.run(200)
-    assert not module.set("sensor.0.index-enable")[0]  # no reading may jump during a test
+    assert not module["sensor.0.index-enable"]  # no reading may jump during a test
     if level == 1:
-        assert module.set("start-reached")[0] == 1
-        module.set("start-test")[0] = False
-        module.set("enable")[0] = True
+        assert module["start-reached"] == 1
+        module["start-test"] = False
+        module["enable"] = True
         module.run(60)
-        assert not module.set("3.brake")[0] and not module.set("stop")[0]
-        assert module.set("sensor.0.index-enable")[0]
-        module.set("sensor.0.index-enable")[0] = False  # passed
-        module.set("sensor.0.position")[0] = 0
+        assert not module["3.brake"] and not module["stop"]
+        assert module["sensor.0.index-enable"]
+        module["sensor.0.index-enable"] = False  # passed
+        module["sensor.0.position"] = 0
         module.run(500)
-        assert module.set("referenced")[0] and module.set("law-in-effect")[0] == 1
+        assert module["referenced"] and module["law-in-effect"] == 1
     else:
-        assert module.set("start-active")[0]  # pulses follow: the sensor has stopped nothing
+        assert module["start-active"]  # pulses follow: the sensor has stopped nothing
     assert "unknown pose" not in capfd.readouterr().err
 
 
 def test_a_motor_that_is_too_fast_is_named(tej, h4, capfd):
     module = tej(h4)
-    module.set("safety")[0] = True
-    module.set("2.safe-speed")[0] = 100
+    module["safety"] = True
+    module["2.safe-speed"] = 100
     module.run(60)
     for _ in range(100):
-        module.set("2.command")[0] += 0.2
-        module.set("2.motor-fb")[0] += 0.2
+        module["2.command"] += 0.2
+        module["2.motor-fb"] += 0.2
         module.run(1)
-    assert module.set("safety-motor")[0] == 2
+    assert module["safety-motor"] == 2
     assert "safety: setpoint speed, motor 2" in capfd.readouterr().err
 
 
 def test_the_pose_that_the_law_holds_is_on_pins_and_motors_that_are_not_homed_hold_it_back(tej, h4):
     module = tej(h4)
-    module.set("2.homed")[0] = False
-    module.set("sensor.0.absolute")[0] = True
-    module.set("law")[0] = 1
+    module["2.homed"] = False
+    module["sensor.0.absolute"] = True
+    module["law"] = 1
     module.run(500)
-    assert module.set("law-in-effect")[0] == 0
-    module.set("2.homed")[0] = True
+    assert module["law-in-effect"] == 0
+    module["2.homed"] = True
     module.run(500)
-    assert module.set("law-in-effect")[0] == 1
-    pose = [module.set(f"pose.{k}")[0] for k in range(4)]
+    assert module["law-in-effect"] == 1
+    pose = [module[f"pose.{k}"] for k in range(4)]
     assert pose == pytest.approx(h4.home * [1e3, 1e3, 1e3, np.degrees(1)], abs=1e-6)
 
 

@@ -14,12 +14,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 import truepose as tp
 from truepose import files
 from truepose_paper import article, claims, experiment, report, screen, tables
-from truepose_paper.plotted import plotted
 
 
 def started(*arguments):
@@ -134,7 +132,7 @@ def test_every_verdict_and_erratum_names_a_test_that_exists(reproduction):
 def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
     _, out = made
     pictures = ["robot", "figures-11-13", "poses", "experiment"]
-    numbers = ["claims", "table3", "sensors", "errata", "figures-11-13", "experiment"]
+    numbers = ["claims", "table3", "sensors", "errata"]
     numbers += ["table3_robots", "gains", "moves", "twin_table3_desired", "twin_controls"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
     numbers += ["self-calibrated", "sensing"]
@@ -176,11 +174,9 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def test_a_column_of_a_csv_holds_numbers_or_words_and_every_figure_has_a_csv(made):
+def test_a_column_of_a_csv_holds_numbers_or_words(made):
     _, out = made
     files = sorted(out.glob("*.csv"))
-    figures = {path.stem for path in out.glob("*.svg")} - {"robot"}  # a drawing
-    assert {path.stem for path in files} >= figures
     listed = (out / "report.html").read_text(encoding="utf-8")
     logs = {path for path in files if path.stem.startswith("experiment-")}  # of every run
     for path in set(files) - logs:
@@ -189,26 +185,6 @@ def test_a_column_of_a_csv_holds_numbers_or_words_and_every_figure_has_a_csv(mad
             numbers = [is_number(row[name]) for row in found if row[name]]
             assert len(set(numbers)) <= 1, f"{path.name}: {name}"
         assert f"<code>{path.name}</code>" in listed
-
-
-def test_the_data_of_a_figure_are_its_points():
-    figure = Figure()
-    left, right = figure.subplots(1, 2, sharey=True)
-    left.plot([1, 2], [3, 4], color="red", label="a")
-    left.axhline(3.5)
-    left.set(xlabel="time (s)", ylabel="error (mm)", title="one")
-    right.plot([5], [6], color="red")
-    right.bar([1], [7], color="blue", label="b")
-    figure.add_subplot().plot([8], [9], color="green", label="_c")
-    right.set(xlabel="share (%)")
-    a, b = ({"title": "", "kind": kind, "series": k} for kind, k in (("line", "a"), ("bar", "b")))
-    assert plotted(figure) == [
-        {"panel": 1, **a, "title": "one", "time (s)": 1, "error (mm)": 3},
-        {"panel": 1, **a, "title": "one", "time (s)": 2, "error (mm)": 4},
-        {"panel": 2, **a, "share (%)": 5, "error (mm)": 6},
-        {"panel": 2, **b, "share (%)": 1, "error (mm)": 7},
-        {"panel": 3, **a, "series": "c", "x": 8, "y": 9},
-    ]
 
 
 def test_the_page_says_what_a_reader_would_stumble_over(made):

@@ -140,7 +140,7 @@ def test_registration_moves_what_is_seen_and_nothing_corrects_it(h4):
         ({"noise": -1.0}, "noise = -1.0: must be a finite number greater than 0"),
         ({"leds": ((0, 0, 0), (1, 0, 0), (2, 0, 0))}, "all on one line"),
         ({"registration": (0.0,) * 5}, "5 values, must be 6"),
-        ({"distance": float("nan")}, "distance = nan: must be finite"),
+        ({"distance": float("nan")}, "distance = nan: must be a finite number"),
         ({"led_tolerance": -1e-6}, "led_tolerance = -1e-06: must be a finite number of at least 0"),
         ({"leds": ((0, 0), (1, 0), (0, 1))}, r"leds: shape \(3, 2\), must be \(3 or more, 3\)"),
         ({"artefact_points": 1}, "artefact_points = 1: must be a whole number of at least 2"),

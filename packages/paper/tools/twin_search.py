@@ -5,8 +5,6 @@ little as needed until its experiment gives the printed table: randomised maximu
 scatter of ten seeds' twins shows what the numbers leave undetermined.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple

@@ -5,25 +5,30 @@ const MOST = 64e6; // bytes of a file
 let bench; // the robot shown, for logs
 
 async function readFiles(files) {
-  for (const file of files) {
-    if (file.size > MOST) say(file.name, `has ${fixed(file.size / 1e6, 0)} MB; at most ${MOST / 1e6} are read: cut the log's end off into a file of its own`);
-    else await use(file.name, await file.text());
-  }
+  for (const file of files) await use(file.name, () => {
+    if (file.size > MOST) throw new Error(`has ${fixed(file.size / 1e6, 0)} MB; at most ${MOST / 1e6} are read: cut the log's end off into a file of its own`);
+    return file.text();
+  });
 }
 
 // One text: a robot's JSON, a log of its readings, or a printer's.
-async function use(name, text) {
-  find("said").textContent = `Reading ${name} …`;
+async function use(name, read) {
+  const said = find("said"), show = (...shown) => {
+    const card = h("article", { ariaLabel: name }, h("h3", {}, name), button("Remove", () => card.remove()), ...shown);
+    find("results").prepend(card);
+  };
+  said.textContent = `Reading ${name} …`;
   await new Promise((done) => setTimeout(done, 20)); // the line is shown before the work begins
   try {
     const begun = performance.now();
-    const shown = result(name, text);
-    find("said").textContent = `${name}: answered in ${fixed((performance.now() - begun) / 1000, 1)} s.`;
-    card(name, shown);
+    show(...result(name, await read()));
+    said.textContent = `${name}: answered in ${fixed((performance.now() - begun) / 1000, 1)} s.`;
   } catch (error) {
-    say(name, error instanceof RangeError || error instanceof WebAssembly.RuntimeError
-      ? "could not be calibrated: the computation stopped. Reload the page; is the file complete?" : error.message);
-    if (error instanceof WebAssembly.RuntimeError) await begin(); // its memory may be inconsistent
+    const stopped = error instanceof RangeError || error instanceof WebAssembly.RuntimeError;
+    const why = stopped ? "could not be calibrated: the computation stopped. Reload the page; is the file complete?" : error.message;
+    said.textContent = "";
+    show(h("p", { className: "bad" }, `${name}: ${why}`.replace(/[.]?$/, ".")));
+    if (stopped) await begin(); // its memory may be inconsistent
   }
 }
 
@@ -32,9 +37,8 @@ function result(name, text) {
   if (text.includes("\0")) throw new Error("is not a text file");
   if (text.trimStart().startsWith("{")) return robotResult(text);
   const heads = /^(?!#).*\S.*$/m.exec(text)?.[0] ?? "";
-  if (/^"?\w+"?([,;\t]"?\w+"?)+$/.test(heads.trim())) return [bench.readLog(text)];
-  const value = (id) => find(id).valueAsNumber || 0;
-  const answer = printerAnswer(text, [value("arm"), value("probe-radius"), value("next")]);
+  if (/^"?\w+"?([,;\t]"?\w+"?)+$/.test(heads.trim())) return bench.readLog(text);
+  const answer = printerAnswer(text, ["arm", "probe-radius", "next"].map((id) => find(id).valueAsNumber || 0));
   if (answer.error) throw new Error(answer.error);
   return printerResult(answer, name);
 }
@@ -51,30 +55,19 @@ function showRobot(of) {
   find("robot-title").textContent = `Try it: ${of.title || of.name}`;
 }
 
-function card(name, shown) {
-  const made = h("article", { ariaLabel: name }, h("div", { className: "row" }, h("h3", {}, name),
-    h("button", { type: "button", onclick: () => made.remove() }, "Remove")), shown);
-  find("results").prepend(made);
-}
-function say(name, why) {
-  find("said").textContent = "";
-  card(name, [h("p", { className: "bad" }, `${name}: ${why}`.replace(/[.]?$/, "."))]);
-}
-
 async function begin() {
   await core.start(find("wasm").textContent);
   showRobot(JSON.parse(find("h4").textContent));
 }
 
-const drop = find("drop");
-for (const [kind, over] of [["dragover", true], ["dragleave", false], ["drop", false]])
-  document.addEventListener(kind, (event) => { event.preventDefault(); drop.classList.toggle("over", over); });
+for (const kind of ["dragover", "dragleave", "drop"])
+  document.addEventListener(kind, (event) => { event.preventDefault(); find("drop").classList.toggle("over", kind === "dragover"); });
 document.addEventListener("drop", (event) => readFiles([...event.dataTransfer.files]));
-find("file").addEventListener("change", async (event) => {
-  await readFiles([...event.target.files]);
-  event.target.value = ""; // the same file again is a change, too
-});
-find("use-paste").addEventListener("click", () => use("pasted text", find("paste").value));
+find("file").onchange = async ({ target }) => {
+  await readFiles([...target.files]);
+  target.value = ""; // the same file again is a change, too
+};
+find("use-paste").onclick = () => use("pasted text", () => find("paste").value);
 
-const page = window.truepose = { core, Robot, printerAnswer, logOf, ready: begin(), get bench() { return bench; } };
+const page = window.truepose = { printerAnswer, ready: begin(), get bench() { return bench; } };
 page.ready.catch((error) => { find("said").textContent = `This browser cannot run the page: ${error.message}.`; });

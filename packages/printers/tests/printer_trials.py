@@ -19,6 +19,7 @@ ERROR = 0.3 * MM
 #: The core's assumed σ, m, rad.
 ASSUMED = {"arm": 0.5 * MM, "angle": 0.25 * DEGREE, "radius": 5 * MM, "endstop": 2 * MM}
 ASSUMED |= {"height": 0.04 * MM, "distance": 0.04 * MM, "shrinkage": 0.002, "width": 0.05 * MM}
+_UNITS = np.array([MM, DEGREE, MM, MM, MM, MM, 0.01, MM])
 #: Header of the block that Klipper's SAVE_CONFIG writes.
 SAVED_HEADER = (
     "#*# <---------------------- SAVE_CONFIG ---------------------->\n"
@@ -239,7 +240,8 @@ def _trial(
     printer: Printer, truth: Truth, assumed: Mapping[str, float], rng: np.random.Generator
 ) -> Trial:
     readings = truth.readings
-    found = assess(text_of(printer, readings), sigma=assumed)
+    sigma_of = (np.array(list(assumed.values())) / _UNITS).tolist()
+    found = assess(text_of(printer, readings), sigma=sigma_of)
     off = found.answer["theta"] - np.array([*truth.p, truth.shrinkage, truth.width])
     sigma = np.sqrt(np.diag(found.covariance))
     points = MM * np.array([point[:2] for point in found.answer["bed"]["points"]])
@@ -253,7 +255,7 @@ def _trial(
     one = int(rng.integers(len(readings.heights)))
     heights = readings.heights.copy()
     heights[one] += rng.choice([-ERROR, ERROR])
-    altered = assess(text_of(printer, readings._replace(heights=heights)), sigma=assumed)
+    altered = assess(text_of(printer, readings._replace(heights=heights)), sigma=sigma_of)
     return Trial(
         np.array(shares),
         (there**2).mean(axis=0),

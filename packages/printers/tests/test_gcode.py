@@ -103,8 +103,8 @@ def test_g33_needs_the_radius_of_its_points():
     for name, z in SEEN.items():
         r, turn = (85 if name in TURNS else 0), np.radians(TURNS.get(name, 0))
         bed += f"Bed X: {r * np.cos(turn):.9f} Y: {r * np.sin(turn):.9f} Z: {z}\n"
-    texts = [(lines, 85.0), ("Checking... AC at radius:85.0\n" + lines, None), (bed, None)]
-    texts += [(lines.replace("B0.1", "B85") + "", None)]
+    texts = [(lines, 85.0), ("Checking... AC at radius:85.0\n" + lines, 0.0), (bed, 0.0)]
+    texts += [(lines.replace("B0.1", "B85"), 0.0)]
     places = [
         sorted(reading["steps"][0] for reading in assess(text, probe_radius=radius).readings())
         for text, radius in texts

@@ -4,12 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from printer_files import REAL, changed, made_printer, read, text_of
+from printer_files import REAL, changed, made_printer, made_text, read, text_of
 from printer_trials import ASSUMED, made
 
 import truepose as tp
-from truepose_printers.assessment import MM, assess
-from truepose_printers.review import rms
+from truepose_printers.assessment import DEGREE, MM, assess
+from truepose_printers.review import UNITS, rms
 
 #: z rms that Klipper's parameters leave, mm.
 LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}
@@ -22,6 +22,73 @@ def words_of(text: str, **options) -> list[str]:
 def column(found, key: str) -> np.ndarray:
     """A column of Klipper's own parameters, mm and degrees."""
     return np.array([row[key] for row in found.answer["parameters"] if row["now"] is not None])
+
+
+both = pytest.mark.parametrize("kinematics", ["delta", "rotary_delta"])
+
+
+@both
+def test_a_nozzle_is_where_its_motors_bring_it_and_its_slopes_are_finite_differences(kinematics):
+    printer, truth = made_printer(kinematics)
+    delta, p, steps = printer.delta, truth.p, truth.readings.height_steps
+    x, slopes = delta.positions(p, steps)
+    np.testing.assert_allclose(delta.steps(p, x), steps, atol=1e-6)
+    for k, h in enumerate(1e-6 * np.eye(len(p))):
+        apart = delta.positions(p + h, steps)[0] - delta.positions(p - h, steps)[0]
+        np.testing.assert_allclose(slopes[..., k], apart / 2e-6, atol=1e-8)
+
+
+@both
+def test_the_estimate_minimises_its_own_cost_and_has_the_covariance_of_that(kinematics):
+    found = assess(made_text(kinematics, 3)[0])
+    rows = found.answer["parameters"]
+    scale = np.array([UNITS[row["unit"]][0] for row in rows])
+    mean, sigma = (
+        scale * np.array([row[key] for row in rows], dtype=float)
+        for key in ("prior", "prior_sigma")
+    )
+    free = sigma > 0
+
+    def cost(theta):
+        *p, shrinkage, width = theta
+        at = [np.array([of["steps"] for of in found.readings(kind)]) for kind in (False, True)]
+        x, start, end = (
+            found.delta.positions(np.array(p), steps)[0]
+            for steps in (at[0][:, 0], at[1][:, 0], at[1][:, 1])
+        )
+        lengths = (1 - shrinkage) * np.linalg.norm(end - start, axis=1) + width
+        z, d = (MM * found.column("value_mm", kind) for kind in (False, True))
+        parts = (x[:, 2] - z) / found.noise("heights"), (lengths - d) / found.noise("distances")
+        return sum(part @ part for part in (*parts, ((theta - mean) / sigma)[free]))
+
+    theta, covariance = np.array(found.answer["theta"]), found.covariance
+    for column in covariance[free] / np.sqrt(np.diag(covariance)[free, None]):
+        beside = [cost(theta + step * column) - cost(theta) for step in (-0.1, 0.1)]
+        assert beside == pytest.approx([0.01, 0.01], rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("off", [0, 0.35 * MM])
+def test_one_wrong_height_of_many_is_the_outlier_and_no_correct_one(seed, off):
+    printer, truth = made_printer(seed=seed, more=18)
+    heights = truth.readings.heights + off * (np.arange(25) == 9)
+    found = assess(text_of(printer, truth.readings._replace(heights=heights)))
+    assert [of["name"] for of in found.readings() if of["outlier"]] == ["height9"] * bool(off)
+    assert found.answer["verdict"].startswith("Do not rely") == bool(off) != found.answer["rely"]
+
+
+@pytest.mark.parametrize("name", [*LEFT, "danorder-v400", "delta", "rotary_delta"])
+def test_what_is_written_is_called_an_estimate_and_no_reading_counts_twice(name):
+    text = made_text(name, 5)[0] if name.endswith("delta") else read(name)
+    first = assess("#keep: me\r\n" + text.replace("\n", "\r\n"))
+    again = assess(first.answer["config"])
+    assert first.answer["config"].startswith("#keep: me\r\n")
+    np.testing.assert_allclose(again.values, first.p, atol=1e-8)
+    np.testing.assert_allclose(again.p, first.p, atol=1e-6)
+    words = again.answer["words"]
+    assert words[0].startswith("The file's parameters are truepose's estimate, not what Klipper's")
+    assert words[-1].startswith("Keep the file's parameters")
+    assert "do not tell apart" not in words[-1]
 
 
 @pytest.mark.parametrize("name", LEFT)
@@ -42,16 +109,8 @@ def test_parameters_that_do_not_fit_the_readings_are_named_so():
         assert "are what Klipper's criterion gives" in words_of(read(name))[0]
 
 
-@pytest.mark.parametrize("name", [*LEFT, "danorder-v400"])
-def test_an_estimate_in_the_file_is_called_one(name):
-    words = words_of(assess(read(name)).answer["config"])
-    assert words[0].startswith("The file's parameters are truepose's estimate, not what Klipper's")
-    assert "do not tell apart" not in words[-1]
-    assert words[-1].startswith("Keep the file's parameters")
-
-
 def test_parameters_that_leave_as_much_as_klippers_fit():
-    text = assess(read("danorder-v400"), sigma={"height": 0.01 * MM}).answer["config"]
+    text = assess(read("danorder-v400"), sigma=[0, 0, 0, 0, 0.01]).answer["config"]
     assert words_of(text, arm=0.347)[0] == (
         "The file's parameters fit the file's readings as those of Klipper's criterion do "
         "(z 0.015 mm rms), angle_b off by 0.02°"
@@ -85,7 +144,7 @@ def test_words_say_whether_to_use_it():
         words[0] == "The file's parameters cannot bring the nozzle to where its readings were taken"
     )
     assert words[-1].endswith("with the file's parameters the nozzle does not reach the bed")
-    assert found.answer["bed"]["now"]["error_mm"] == []
+    assert found.answer["bed"]["now"]["rms_mm"] == [None, None, None]
     assert words_of(read("fzechert"))[-1].startswith("Keep the file's")
 
 
@@ -98,7 +157,7 @@ def test_heights_alone_never_identify_an_arm(name):
 def test_nor_do_hundreds_of_heights():
     made_one, truth = made_printer(seed=1, more=200)
     text = text_of(made_one, truth.readings.heights_only())
-    found = assess(text, sigma={"arm": 50 * MM, "height": 1e-4 * MM})  # σ alone would call it seen
+    found = assess(text, sigma=[50, 0, 0, 0, 1e-4])  # σ alone would call it seen
     arms = found.answer["parameters"][4:7]
     assert all(arm["verdict"] == "barely" for arm in arms)
 
@@ -151,6 +210,12 @@ def test_readings_of_no_such_printer_are_not_relied_on():
     found = assess(text.replace("height3 = 17.3", "height3 = 20").replace("ht5 = 17.3", "ht5 = 15"))
     assert found.answer["verdict"].startswith("Do not rely on this calibration: heights are")
     assert not found.answer["rely"] and not assess(text).answer["notes"]
+
+
+def test_parameters_far_from_the_assumed_tolerances_are_noticed():
+    printer, _ = made_printer()
+    built = made(printer, ASSUMED | {"angle": 2.5 * DEGREE}, 1).readings
+    assert "assumed σ seem too small" in " ".join(assess(text_of(printer, built)).answer["notes"])
 
 
 def test_the_noise_of_many_readings_is_found():

@@ -21,8 +21,8 @@ from truepose.robot.robot import Robot
 SIGMA = 2e-5
 #: Prior σ of a plane's or point's position about its nominal one, m.
 SPREAD = 0.1
-#: Measured over expected distance if measured in mm; accepted within a factor of 3.
-_MILLIMETRES = 1000.0
+#: Distance over the extent of a log's places beyond which it is in mm.
+FAR = 100.0
 
 
 class Distance(NamedTuple):
@@ -132,16 +132,12 @@ class Between:
                 )
 
     def in_millimetres(self, robot: Robot, log: Log) -> bool:
-        """Return whether the distances are about 1000 times the expected ones."""
-        if not self.distances:
-            return False
-        at = {int(line): k for k, line in enumerate(log.lines)}
+        """Return whether distances are mostly far beyond all places of the log."""
         place = self._places(robot, log)
-        i, j = np.array([[at[line] for line in of.lines] for of in self.distances]).T
-        expected = np.linalg.norm(place[i] - place[j], axis=1)
-        good = np.isfinite(expected) & (expected > 0)
-        ratio = np.array([of.measured for of in self.distances])[good] / expected[good]
-        return len(ratio) > 0 and bool(_MILLIMETRES / 3 < np.median(ratio) < 3 * _MILLIMETRES)
+        place = place[np.isfinite(place).all(axis=1)]
+        reach = np.linalg.norm(np.ptp(place, axis=0)) if len(place) else np.inf
+        sizes = [of.measured for of in self.distances]
+        return bool(sizes) and bool(np.median(sizes) > FAR * reach)
 
     def _places(self, robot: Robot, log: Log) -> Array:
         """Return the tool's nominal position in each row, (N, 3), m; NaN without FKM."""

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, require
+from truepose.arguments import Array, Errors, Level, numbers_like, require
 from truepose.calibration.differences import Difference, assemble
-from truepose.exceptions import InputError, PoseError
+from truepose.exceptions import PoseError
 from truepose.robot import conditions, knowledge
-from truepose.robot.batches import flattened, require_answers
+from truepose.robot.batches import as_row, flattened, require_answers
 from truepose.robot.maps import draw_map
 from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_table, summed
@@ -156,9 +156,7 @@ def accuracy(
     def one(pose: ArrayLike | None, name: str) -> Array:
         if pose is None:
             return nowhere
-        at, shape = flattened(robot, pose, robot.n, name, "raise")
-        if shape:
-            raise InputError(f"{name}: shape {np.shape(pose)}, must be ({robot.n},)")
+        at = as_row(robot, pose, name)[None]
         _bound(model, known, at, (), level, "raise", name)
         return at
 
@@ -233,11 +231,6 @@ def after_visiting(
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:
     """Return σ of a known pose in the core's form, each greater than 0."""
-    try:
-        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    except (TypeError, ValueError):
-        raise InputError(f"reference_sigma: must be a number or {robot.n} of them") from None
-    if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
-        raise InputError(f"reference_sigma = {sigma!r}: must be 0 or greater (m or rad)")
+    sigmas = numbers_like("reference_sigma", sigma, (robot.n,), "0 or greater")
     exact = EXACT * knowledge.reading_sigma(robot).min()
     return np.maximum(sigmas, exact).tolist()

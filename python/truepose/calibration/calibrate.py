@@ -239,20 +239,15 @@ def unsound(fit: Calibration, wider: bool) -> str:
 
 def state(of: Hypothesis, log: Log) -> str:
     """Say which machine a calibrated robot is once the mistakes of a log are undone."""
-    before = [log, *(each.log for each in of.each)]
-    alone = [
-        each.log is not other and each.reads is None
-        for each, other in zip(of.each, before, strict=False)
-    ]
-    passing = [bool(each.influences) and not (each.reads or each.leans) for each in of.each]
     said = []
-    if not all(a or b for a, b in zip(alone, passing, strict=True)):
-        said.append("the robot is the machine as it reads in the log's last row")
-    if any(passing):
-        said.append("not part of the robot, which is the machine without it")
-    if any(alone):
-        said.append("a mistake of the log alone: the robot takes readings as its file says")
-    return "; ".join(said)
+    for each, before in zip(of.each, [log, *(each.log for each in of.each)], strict=False):
+        if each.log is not before and each.reads is None:
+            said.append("a mistake of the log alone: the robot takes readings as its file says")
+        elif each.influences and not (each.reads or each.leans):
+            said.append("not part of the robot, which is the machine without it")
+        else:
+            said.append("the robot is the machine as it reads in the log's last row")
+    return "; ".join(dict.fromkeys(said))
 
 
 def tolerant(causes: Causes, found: Sequence[Explained]) -> Explained | None:
@@ -269,11 +264,12 @@ def agrees(fit: Calibration) -> bool:
 
 
 def contradicting(robot: Robot, log: Log) -> str:
-    """Name the rows whose sensors are furthest from their prediction by the motors."""
+    """Name the sensor and the rows that are furthest from their prediction by the motors."""
     seen = expect(robot.expected(), log.readings, loads=log.loads)
-    off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
-    off = np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
-    return f"furthest from the motors' prediction: {log.at(np.argsort(-off)[:8])}"
+    square = np.nan_to_num((seen.residual / seen.sigma) ** 2)
+    off = np.where(np.isfinite(seen.x).all(axis=1), square.sum(axis=1), np.inf)
+    name = f"{robot.sensors[square.sum(axis=0).argmax()]}, " if robot.r else ""
+    return f"furthest from the motors' prediction: {name}{log.at(np.argsort(-off)[:8])}"
 
 
 def left_out(fit: Calibration, log: Log) -> list[str]:

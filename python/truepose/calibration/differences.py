@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, numbers_like
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
@@ -90,12 +89,6 @@ class Differences:
     cross: Array  #: (p, w) with the robot's parameters
 
     @property
-    def chi2(self) -> float:
-        """Mean squared normalized leave-one-out residual: about 1."""
-        size = [np.ravel(of.left_out / of.left_out_sigma) for of in self.found]
-        return float(np.nanmean(np.square(np.concatenate(size))))
-
-    @property
     def doubt(self) -> list[str]:
         """One line of text for each doubtful measurement."""
         return [
@@ -134,15 +127,15 @@ class Each(NamedTuple):
 def _named(given: Difference, at: tuple[int, ...]) -> str:
     """Name one measurement: "distances: 70.000 mm, lines 3 and 7"."""
     k = at[0]
+    axis = "" if len(at) == 1 else f"{AXES[at[1]]}, "
     if len(given.called):
-        axis = "" if len(at) == 1 else f"{AXES[at[1]]}, "
         return f"{given.name}: {axis}{given.called[k]}"
     if isinstance(given, PlaneContacts):
         return f"{given.name}: line {np.ravel(given.lines)[k]}"
-    i, j = np.asarray(given.pairs)[k]
     if isinstance(given, DistanceMeasurements):
-        return f"{given.name}: {1e3 * np.ravel(given.measured)[k]:.3f} mm, lines {i} and {j}"
-    return f"{given.name}: {AXES[at[1]]}, lines {i} and {j}"
+        axis = f"{1e3 * np.ravel(given.measured)[k]:.3f} mm, "
+    i, j = np.asarray(given.pairs)[k]
+    return f"{given.name}: {axis}lines {i} and {j}"
 
 
 @dataclass(eq=False)
@@ -191,7 +184,7 @@ def assemble(
         )
     unknowns: list[tuple[str, float, float]] = []  #: name, mean, σ
 
-    def add(of: str, new: Sequence[tuple[str, float, float]]) -> int:
+    def add(of: str, *new: tuple[str, float, float]) -> int:
         for name, value, spread in new:
             if not (math.isfinite(value) and math.isfinite(spread) and spread >= 0):
                 raise InputError(
@@ -203,29 +196,29 @@ def assemble(
     tools: dict[tuple[float, ...], int] = {}
     rows: list[tuple[Any, ...]] = []
     shapes: list[tuple[int, ...]] = []
-    renamed: list[Difference] = []
+    renamed: dict[str, Difference] = {}
     for given in differences:
         if not isinstance(given, Difference):
             raise InputError(
                 f"differences: {type(given).__name__}: must be a PlaneContacts, "
                 "DistanceMeasurements or RepeatedPoses"
             )
-        numbered = (f"{given.name}{number}" for number in itertools.count(2))
-        taken = [other.name for other in renamed]
-        name = next(of for of in itertools.chain([given.name], numbered) if of not in taken)
-        tool = _numbers(name, "tool", given.tool, (3,)).tolist()
+        numbered = (f"{given.name}{number}" for number in ("", *range(2, len(differences) + 2)))
+        name = next(of for of in numbered if of not in renamed)
+        tool = numbers_like(f"{name}: tool", given.tool, (3,)).tolist()
         if (key := (*tool, given.tool_sigma)) not in tools:
             of = "tool" if not tools else f"tool{len(tools) + 1}"
-            tools[key] = add(of, [(c, v, key[3]) for c, v in zip(AXES, tool, strict=True)])
+            tools[key] = add(of, *zip(AXES, tool, [given.tool_sigma] * 3, strict=True))
         links, shape = _links(robot, given, name, lines, tools[key], add)
         rows += links
         shapes.append(shape)
-        renamed.append(replace(given, name=name))
+        renamed[name] = replace(given, name=name)
     names, mean, sigma = map(list, zip(*unknowns, strict=True))
     core = _core.Links(mean, first)
     for row in rows:
         core.add(*row)
-    return Assembled(tuple(renamed), core, np.array(mean), np.array(sigma), names, shapes)
+    given_as = tuple(renamed.values())
+    return Assembled(given_as, core, np.array(mean), np.array(sigma), names, shapes)
 
 
 def measurements(differences: Sequence[Difference]) -> int:
@@ -242,7 +235,7 @@ def _links(
     name: str,
     lines: int,
     tool: int,
-    add: Callable[[str, list[tuple[str, float, float]]], int],
+    add: Callable[..., int],
 ) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
     """Return the core's rows of one set, and the shape of its measurements."""
     kind, unknown, axis, times = _core.LinkKind.point, 0, np.zeros(1, dtype=int), np.zeros((1, 1))
@@ -252,43 +245,30 @@ def _links(
         pairs = np.repeat(_at(name, given.lines, lines, 1), 2, axis=1)
         axis += AXES.index(given.axis)
         slopes = [(f"slope.{AXES[(axis[0] + k) % 3]}", 0.0, given.slope_sigma) for k in (1, 2)]
-        kind, unknown = _core.LinkKind.plane, add(name, [("height", *given.height), *slopes])
+        kind, unknown = _core.LinkKind.plane, add(name, ("height", *given.height), *slopes)
         what, measured = "above", given.above
     else:
         pairs = _at(name, given.pairs, lines, 2)
         if (same := np.flatnonzero(pairs[:, 0] == pairs[:, 1])).size:
             raise InputError(f"{name}: pairs: line {pairs[same[0], 0]} twice: must be two lines")
         if isinstance(given, DistanceMeasurements):
-            times = _numbers(name, "times", given.times, (len(pairs),))[:, None]
-            scale = [("scale", *given.scale), ("width", *given.width)]
-            kind, unknown = _core.LinkKind.distance, add(name, scale)
+            times = numbers_like(f"{name}: times", given.times, (len(pairs),))[:, None]
+            kind = _core.LinkKind.distance
+            unknown = add(name, ("scale", *given.scale), ("width", *given.width))
             what, measured = "measured", given.measured
         else:
             axis = np.arange(sum(unit == "m" for _, unit in robot.coordinates))
             what, measured = "apart", given.apart
     shape = (len(pairs), len(axis)) if isinstance(given, RepeatedPoses) else (len(pairs),)
-    sigma = _numbers(name, "sigma", given.sigma, shape)
-    if not (sigma > 0).all():
-        raise InputError(f"{name}: sigma = {sigma.min()}: must be greater than 0 (m)")
-    values = _numbers(name, what, measured, shape)
-    if what == "measured" and not (values > 0).all():
-        raise InputError(f"{name}: measured = {values.min()}: must be greater than 0 (m)")
+    sigma = numbers_like(f"{name}: sigma", given.sigma, shape, "greater than 0")
+    must = "greater than 0" if what == "measured" else "a finite number"
+    values = numbers_like(f"{name}: {what}", measured, shape, must)
     values, sigma = (of.reshape(len(pairs), -1) for of in (values, sigma))
     table = np.broadcast_arrays(pairs[:, :1], pairs[:, 1:], axis, times, values, sigma)
     return [
         (kind, (i, j), tool, unknown, *row)
         for i, j, *row in zip(*(column.ravel().tolist() for column in table), strict=True)
     ], shape
-
-
-def _numbers(name: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    try:
-        result = np.broadcast_to(np.asarray(value, dtype=float), shape)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: {what}: must be a number or {shape} of them") from None
-    if not np.isfinite(result).all():
-        raise InputError(f"{name}: {what}: must be finite numbers")
-    return result
 
 
 def _at(name: str, lines: ArrayLike, count: int, width: int) -> Array:

@@ -170,13 +170,17 @@ class Calibration(Shown):
             of each parameter's prior σ, including auxiliary unknowns. Gauges (the base's and the
             platform's own frames) appear with ratio 1.
         """
-        names, p = [*self.names, *self.others], len(self.names)
-        before = np.diag([0.0] * p + [of.prior_sigma**2 for of in self.others.values()])
-        before[:p, :p] = self.prior_covariance
-        scale = np.linalg.inv(np.linalg.cholesky(before))
+        names = [*self.names, *self.others]
+        scale = np.linalg.inv(np.linalg.cholesky(joint_prior(self)))
         ratio2, vectors = np.linalg.eigh(scale @ self.joint_covariance @ scale.T)
         result = []
         for square, vector in [*zip(ratio2, vectors.T, strict=True)][: -count - 1 : -1]:
             terms = {names[i]: float(vector[i]) for i in np.argsort(-np.abs(vector))[:4]}
             result.append((math.sqrt(max(square, 0.0)), terms))
         return result
+
+
+def joint_prior(fit: Calibration) -> Array:
+    """Return the covariance of parameters and `others` before a calibration, (p + k, p + k)."""
+    variance = np.array([of.prior_sigma**2 for of in fit.others.values()])
+    return knowledge.beside_root(fit.prior_covariance, variance)

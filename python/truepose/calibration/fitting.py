@@ -252,7 +252,7 @@ def _lines(problem: Problem) -> _Lines:
     again = repeated(rows, outside, robot.n)
     if len(poses.x):  # which may repeat rows of the log
         again |= repeated(np.vstack([poses.readings, rows]), None, robot.n)[len(poses.x) :]
-    said = f"{again.sum()} rows identical to an earlier one: each counts once"
+    said = f"{log.at(np.flatnonzero(again), 5)}: identical to an earlier one: each counts once"
     notes = (said,) if again.any() else ()
     again = np.pad(again, (0, len(poses.x)))
     rows, outside = np.vstack([rows, poses.readings]), np.vstack([outside, poses.x])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, numbers_like
 from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError
 from truepose.robot import compliance, conditions, knowledge
@@ -115,7 +115,7 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
     0.02
     """
-    moved = _moved(robot, sigma)
+    moved = numbers_like("sigma", sigma, (robot.n,), "0 or greater")
     zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
     return relaxed(robot, zeros, "homed anew")
 
@@ -168,7 +168,8 @@ def at_other_temperature(robot: Robot) -> Robot:
 
 def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> list[NuisanceParameter]:
     """Return the excess of each earlier homing's uncertain offsets over the last's."""
-    moved, after = _moved(robot, sigma), np.asarray(homing)
+    moved = numbers_like("sigma", sigma, (robot.n,), "0 or greater")
+    after = np.asarray(homing)
     return [
         NuisanceParameter(
             name=f"homing {number}, {robot.readings[k]}",
@@ -178,15 +179,6 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> list[NuisanceP
         for number in np.unique(after)[:-1]
         for k in np.flatnonzero(moved)
     ]
-
-
-def _moved(robot: Robot, sigma: ArrayLike) -> Array:
-    moved = np.asarray(sigma, dtype=float)
-    if moved.shape not in ((), (robot.n,)) or not (np.isfinite(moved) & (moved >= 0)).all():
-        raise InputError(
-            f"sigma = {moved.tolist()}: must be a number or {robot.n} of them, m or rad, at least 0"
-        )
-    return np.broadcast_to(moved, robot.n)
 
 
 class Stretching:

@@ -105,36 +105,31 @@ class Leaning:
 
     def unknowns(self) -> list[NuisanceParameter]:
         """Return the unknowns less what was found, in rad, as nuisance parameters."""
-        each = zip(self.names, np.moveaxis(self.by_unknown(self.effect.reading), 2, 0), strict=True)
-        return [
-            NuisanceParameter(name=name, pattern=pattern, amount=(-amount, sigma))
-            for (name, pattern), amount, sigma in zip(
-                each, self.amounts.tolist(), self.sigma.tolist(), strict=True
-            )
-        ]
+        patterns = np.moveaxis(self.by_unknown(self.effect.reading), 2, 0)
+        amounts = zip((-self.amounts).tolist(), self.sigma.tolist(), strict=True)
+        each = zip(self.names, patterns, amounts, strict=True)
+        return [NuisanceParameter(name=n, pattern=by, amount=amount) for n, by, amount in each]
 
     def fitted(self, fit: Callable[[Leaning], Calibration]) -> Calibration:
         """Fit, linearized anew about the lean found, until it stays; poses are the base's."""
         by, found = self, fit(self)
         for _ in range(_ROUNDS):
-            step = np.array([found.influences[name].value for name in by.names])
+            step = by._steps(found)
             if np.abs(step).max() < _NEAR:
                 break
             by = replace(by, amounts=by.amounts + step)
             found = fit(by)
         return by._result(found)
 
+    def _steps(self, fit: Calibration) -> Array:
+        return np.array([fit.influences[name].value for name in self.names])
+
     def _result(self, fit: Calibration) -> Calibration:
-        beyond = [fit.influences[name] for name in self.names]
-        steps = np.array([of.value for of in beyond])
+        steps = self._steps(fit)
         total = {
-            name: Learnt(0.0, sigma, amount, of.sigma)
-            for name, sigma, amount, of in zip(
-                self.names,
-                self.sigma.tolist(),
-                (self.amounts + steps).tolist(),
-                beyond,
-                strict=True,
+            name: Learnt(0.0, float(sigma), float(amount), fit.influences[name].sigma)
+            for name, sigma, amount in zip(
+                self.names, self.sigma, self.amounts + steps, strict=True
             )
         }
         common = [

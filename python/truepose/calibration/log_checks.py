@@ -11,20 +11,22 @@ from numpy.typing import ArrayLike
 
 from truepose import logs
 from truepose.arguments import Array
-from truepose.calibration.causes import column_check
-from truepose.calibration.causes.column_check import APART, apart
-from truepose.calibration.causes.columns import DEGREES, MILLIMETRES, UNITS
-from truepose.calibration.causes.rows import runs_of
+from truepose.calibration.bound import accuracy
+from truepose.calibration.causes.rows import runs_of, stuck_at
 from truepose.calibration.expectation import expect, poses_of
-from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot import knowledge
-from truepose.robot.batches import flattened
+from truepose.robot.batches import as_rows
 from truepose.robot.robot import Robot
-from truepose.robot.units import angles, reading_units
-from truepose.robot.workspace import workspace_samples
+from truepose.robot.units import reading_units
+from truepose.robot.workspace import samples_or_home
 from truepose.show.units import printed
 
+#: Median deviation of a reading from its prediction, σ, that no geometry explains.
+APART = 5.0
+#: Most rows whose poses are compared with the workspace; distance from it, in σ of the poses that
+#: motors give by the tolerances, that is near.
+FEW, NEAR = 80, 3.0
 #: Variation of a prediction, in σ, that its reading must follow.
 VARIES = 8.0
 
@@ -45,32 +47,27 @@ def log_of(
     """Return the log of a table or an array, (N, n + r); N may be 0 with known poses."""
     if logs.is_table(readings):
         return logs.of(robot, readings, euler=euler)
-    width = robot.n + robot.r
+    width, least = robot.n + robot.r, int(not known)
     if readings is None:
-        readings, known = np.zeros((0, width)), True
-    rows, lead = flattened(robot, readings, width, "readings", "nan")
-    if len(lead) != 1 or not (known or len(rows)):
-        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {width})")
+        readings, least = np.zeros((0, width)), 0
+    rows = as_rows(robot, readings, "readings", least, width, "nan")
     return Log(robot.readings, rows, None, np.arange(1, len(rows) + 1), "row")
 
 
 def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
-    """Return a log without repeated and stuck readings, and the findings that a fit must know.
+    """Return a log without stuck readings, and the findings that a fit must know.
 
     `differences` is the number measured between its rows.
     """
     model = robot.expected()
-    findings = [*_cells(robot, log)]
-    log, twice = _once(robot, log)
-    findings += [*twice, *_repeats(robot, log)]
-    log, hung = _hung(model, log)
+    findings = [*_cells(robot, log), *_repeats(robot, log)]
     log, stuck = _stuck(model, log)
-    findings += [*hung, *stuck]
-    for further in (outside, _motors, _sensors):
-        if any(finding.refused for finding in findings):
-            return log, findings
-        findings += further(model, log)
-    return log, [*findings, *_equations(robot, log, differences)]
+    findings += stuck
+    if not any(finding.refused for finding in findings):
+        findings += _motors(model, log)
+    if any(finding.refused for finding in findings):
+        return log, findings
+    return log, [*findings, *_sensors(model, log), *_equations(robot, log, differences)]
 
 
 def _count(number: int, what: str) -> str:
@@ -96,17 +93,6 @@ def _distinct(robot: Robot, log: Log) -> Array:
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
     return rows[first]
-
-
-def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
-    again = logs.reading.repeated(log.readings, log.measured, robot.n)
-    if not again.any():
-        return log, []
-    readings = log.readings.copy()
-    readings[again, robot.n :] = np.nan  # motors are kept
-    measured = None if log.measured is None else np.where(again[:, None], np.nan, log.measured)
-    text = f"{log.at(np.flatnonzero(again), 5)}: identical to an earlier line: each counts once"
-    return replace(log, readings=readings, measured=measured), [Finding(text)]
 
 
 def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
@@ -150,23 +136,20 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
 
 
 def _motors(robot: Robot, log: Log) -> list[Finding]:
-    """Return the mistakes that explain motors and sensors; none where these agree."""
+    """Check whether the motors' readings give poses of this robot."""
     n = robot.n
-    read = np.isfinite(log.readings[:, :n]).all(axis=1)
-    found = (
-        column_check.named(robot, log) if read.any() else ["no line has a reading of every motor"]
-    )
-    if found is None:
+    rows = np.flatnonzero(np.isfinite(log.readings[:, :n]).all(axis=1))
+    if not len(rows):
+        return [Finding("no line has a reading of every motor", refused=True)]
+    few = log.only(rows[np.linspace(0, len(rows) - 1, min(len(rows), FEW)).astype(int)])
+    near = plausible(robot, few.readings)
+    if near >= 0.9 and not _sensors(robot, few):
         return []
-    if found:
-        return [Finding(" or ".join(found), refused=True)]
-    q = log.readings[read, :n]
+    q = log.readings[rows, :n]
     still = np.ptp(q, axis=0) < np.maximum(robot.resolution[:n], 1e-9)
     if len(q) >= 5 and still.any() and not still.all():
-        lines = np.flatnonzero(read)
-        texts = [_stuck_at(log, k, q[0, k], lines) for k in np.flatnonzero(still).tolist()]
+        texts = [stuck_at(log, k, rows) for k in np.flatnonzero(still).tolist()]
         return [Finding(text, refused=True) for text in texts]
-    near = column_check.plausible(robot, column_check.few(robot, log).readings)
     if near >= 0.5:
         return []
     share = f"only {100 * near:.0f} % of the lines lie near the robot's workspace"
@@ -176,12 +159,40 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     return [Finding(text, refused=True)]
 
 
+def plausible(robot: Robot, readings: Array) -> float:
+    """Return the share of rows whose motors close the loops near the workspace."""
+    x = poses_of(robot, readings[:, : robot.n])
+    good = np.isfinite(x).all(axis=1)
+    if (box := robot.spec.workspace) is not None:
+        low, high = np.array(box.minimum), np.array(box.maximum)
+        alone = robot.with_sensors("none")
+        sigma = np.sqrt(np.diag(accuracy(alone, robot.home, errors="nan")))  # by its tolerances
+        margin = 0.5 * (high - low) + NEAR * np.nan_to_num(sigma) + 1e-9
+        good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
+    return float(good.mean())
+
+
+def _sensors(robot: Robot, log: Log) -> list[Finding]:
+    """Return the sensors that are usually far from their prediction by the motors."""
+    seen = expect(robot, log.readings)
+    ratio = np.ma.masked_invalid(np.abs(seen.residual) / seen.sigma)
+    off = np.zeros(robot.r)
+    if len(ratio):
+        off = np.ma.median(ratio, axis=0).filled(0.0)  # type: ignore[no-untyped-call]
+    return [
+        Finding(
+            f"{robot.sensors[k]}: {off[k]:.0f} σ (median) off what motors and tolerances allow: "
+            "unit, sign, offset, or a sensor that does not follow the robot?"
+        )
+        for k in np.flatnonzero(off > APART)
+    ]
+
+
 def _beyond(robot: Robot, q: Array) -> Iterator[str]:
     """Yield what motors read that none of their readings (N, n) may be, over the workspace."""
     if robot.spec.workspace is None:
         return
-    samples = workspace_samples(robot, 100, np.random.default_rng(0))
-    spans = robot.ikm(samples, errors="nan")
+    spans = robot.ikm(samples_or_home(robot, 100), errors="nan")
     low, high = np.nanmin(spans, axis=0), np.nanmax(spans, axis=0)
     margin, units = 0.1 * (high - low), reading_units(robot)
     away = (q < low - margin).all(axis=0) | (q > high + margin).all(axis=0)
@@ -194,119 +205,43 @@ def _beyond(robot: Robot, q: Array) -> Iterator[str]:
         )
 
 
-def outside(robot: Robot, log: Log) -> Iterator[Finding]:
-    """Check units of external measurements by distances, which no frame changes."""
-    if log.measured is None:
-        return
-    few = column_check.few(robot, log)
-    outside = np.array(few.measured)
-    if few.euler is not None:  # as they were before their rotation vector, within a turn
-        outside[:, 3:] = few.euler
-    x = poses_of(robot, few.readings[:, : robot.n])
-    angle = angles(robot)
-    for which, factor in ((~angle, MILLIMETRES), (angle, DEGREES)):
-        good = np.isfinite(outside[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
-        if not which.any() or good.sum() < 4:
-            continue
-        measured, expected = (
-            np.median(np.linalg.norm(v - np.median(v, axis=0), axis=1))
-            for v in (outside[good][:, which], x[good][:, which])
-        )
-        if expected > 0 and factor / 3 < measured / expected < factor * 3:
-            names = ", ".join(np.array(few.outside_names(robot))[which])
-            yield Finding(f"{names}: {UNITS[factor == DEGREES][factor]}", refused=True)
+def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+    """Exclude readings that are constant for part of the log, or refuse them.
 
-
-def _slope(read: Array, expected: Array) -> float:
-    """Return the median slope over distant pairs of rows (Theil–Sen); NaN without any."""
-    good = np.isfinite(read) & np.isfinite(expected)
-    read, expected = read[good], expected[good]
-    if len(read) < 4 or np.ptp(expected) == 0:
-        return np.nan
-    order = np.argsort(expected)
-    half = len(order) // 2
-    low, high = order[:half], order[len(order) - half :]
-    gap = expected[high] - expected[low]
-    far = gap > 0.2 * np.ptp(expected)
-    return float(np.median((read[high] - read[low])[far] / gap[far])) if far.any() else np.nan
-
-
-def _named(slope: float, is_angle: bool) -> str | None:
-    for factor, name in UNITS[is_angle].items():
-        if abs(abs(slope) / factor - 1) < 0.3:
-            return name + (", and its sign is flipped" if slope < 0 else "")
-    return "its sign is flipped" if abs(slope + 1) < 0.3 else None
-
-
-def _sensors(robot: Robot, log: Log) -> Iterator[Finding]:
-    """Check units, signs and order of the sensors' columns, given correct motors."""
-    n, seen, units = robot.n, expect(robot, log.readings), reading_units(robot)[robot.n :]
-    distance = apart(seen)
-    for k in np.flatnonzero(distance > APART):
-        name, unit = log.names[n + k], units[k]
-        slope = _slope(log.readings[:, n + k], seen.expected[:, k])
-        off = np.nanmedian(seen.residual[:, k])
-        scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
-        lost = not abs(slope) > 0.3  # a NaN too
-        if wrong := _named(slope, unit == "rad"):
-            text, lost = f"{slope:.3g} times what the motors predict: {wrong}", True
-        elif abs(off) > 5 * scatter:
-            text, lost = f"reads {off:+.4g} {unit} more than motors and tolerances allow", False
-            text += f": a zero offset? Give {name}.offset its value, or a tolerance"
-        else:
-            text = f"{distance[k]:.0f} σ (median) off what motors and tolerances allow"
-            text += ": does not follow the robot" * lost
-        yield Finding(f"{name}: {text}", refused=lost)
-
-
-def _stuck_at(log: Log, column: int, value: float, rows: Array) -> str:
-    where = f"{log.lines[rows[0]]} to {log.lines[rows[-1]]}"
-    return f"{log.names[column]}: stuck at {value:.6g} on {_count(len(rows), log.word)} ({where})"
-
-
-def _hung(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
-    """Exclude stuck motors: constant, while others move and most predictions fail."""
+    A motor's while others move and most predictions fail, a sensor's while its prediction varies.
+    """
     n, findings, readings = robot.n, [], log.readings.copy()
-    seen, step = expect(robot, readings), np.maximum(robot.resolution[:n], 1e-9)
+    seen, steps = expect(robot, readings), np.maximum(robot.resolution, 1e-9)
     rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
     odd = np.asarray((np.abs(seen.residual) > APART * seen.sigma).any(axis=1))
     odd |= ~np.isfinite(seen.x).all(axis=1)
-    for k in range(n):
+    for k, step in enumerate(steps):
+        if k >= n:
+            seen = expect(robot, readings) if k == n else seen
+            expected, sigma = seen.expected[:, k - n], seen.sigma[:, k - n]
+            rows = np.flatnonzero(np.isfinite(readings[:, k]) & np.isfinite(expected))
         runs = [
             run
-            for run in runs_of(readings[:, k], rows, step[k])
-            if odd[run].mean() > 0.5 and (np.ptp(readings[run, :n], axis=0) > 100 * step).any()
+            for run in runs_of(readings[:, k], rows, step)
+            if (
+                odd[run].mean() > 0.5
+                and (np.ptp(readings[run, :n], axis=0) > 100 * steps[:n]).any()
+                if k < n
+                # In a plane of the workspace a reading may be constant but its prediction not.
+                else np.ptp(expected[run]) > VARIES * (step + np.median(sigma[run]))
+            )
         ]
         lost = np.concatenate([[], *runs]).astype(int)
         others = np.setdiff1d(rows, lost)
-        if len(lost) and len(others) >= len(lost) and odd[others].mean() < 0.2:
-            text = _stuck_at(log, k, readings[lost[0], k], lost)
-            findings.append(Finding(f"{text}: these lines are left out"))
-            readings[lost, k] = np.nan
-            rows = others
-    return replace(log, readings=readings), findings
-
-
-def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
-    """Exclude or refuse readings that are constant while their prediction varies."""
-    n, findings, readings = robot.n, [], log.readings.copy()
-    seen, steps = expect(robot, readings), np.maximum(robot.resolution, 1e-9)
-    for k in range(robot.r):
-        read, expected, step = readings[:, n + k], seen.expected[:, k], steps[n + k]
-        rows = np.flatnonzero(np.isfinite(read) & np.isfinite(expected))
-        # In a plane of the workspace a reading may be constant but its prediction not.
-        runs = [
-            run
-            for run in runs_of(read, rows, step)
-            if np.ptp(expected[run]) > VARIES * (step + np.median(seen.sigma[run, k]))
-        ]
-        if not runs:
+        part = len(others) >= len(lost)
+        if not runs or (k < n and not (part and odd[others].mean() < 0.2)):
             continue
-        lost = np.concatenate(runs)
-        at = _stuck_at(log, n + k, read[lost[0]], lost)
-        if len(lost) > 0.5 * len(rows):
-            findings.append(Finding(f"{at}; leave it out (--sensors, with_sensors)", refused=True))
-        else:
-            readings[lost, n + k] = np.nan
-            findings.append(Finding(f"{at}: these readings are left out"))
+        text = stuck_at(log, k, lost)
+        if not part:
+            text += "; leave it out (--sensors, with_sensors)"
+            findings.append(Finding(text, refused=True))
+            continue
+        readings[lost, k], rows = np.nan, others
+        left = "lines" if k < n else "readings"
+        findings.append(Finding(f"{text}: these {left} are left out"))
     return replace(log, readings=readings), findings

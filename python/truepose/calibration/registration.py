@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, logs
-from truepose.arguments import Array
+from truepose.arguments import Array, numbers_like
 from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError, choose
@@ -259,11 +259,8 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
                 f"known_pose: row {k}: must be {robot.n} numbers (m, rad), NaN: unknown"
             )
     _require_turns(robot, x, "known_pose")
-    try:
-        sigma = np.asarray(given[2] if len(given) == 3 else 0.0, dtype=float)
-        rows = np.broadcast_to(sigma, x.shape)
-    except (TypeError, ValueError):
-        raise InputError(f"known_pose: σ: must be a number or {robot.n} of them") from None
+    own = given[2] if len(given) == 3 else 0.0
+    rows = numbers_like("known_pose: σ", own, x.shape, "0 or greater")
     return KnownPoses(readings, x, np.array([reference_sigmas(robot, row) for row in rows]))
 
 

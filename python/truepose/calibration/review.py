@@ -22,6 +22,7 @@ from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
 from truepose.robot.units import Axis, coordinate_axes, in_print, summed
+from truepose.robot.workspace import samples_or_home
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.units import PRINT, named
 
@@ -118,10 +119,9 @@ def _reached(fit: Calibration, robot: Robot, x: Array) -> Array:
 
 def _poses(fit: Calibration) -> tuple[str, Array]:
     """Return a description and poses of the workspace, else those of the log."""
-    if (box := fit.robot.spec.workspace) is not None:
-        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, fit.robot.n))
-        if len(x := _reached(fit, fit.robot, x)):
-            return "over the workspace", x
+    x = _reached(fit, fit.robot, samples_or_home(fit.robot, POSES))
+    if fit.robot.spec.workspace and len(x):
+        return "over the workspace", x
     x = fit.x[np.isfinite(fit.x).all(axis=1)]
     if len(x) == 0:
         raise PoseError(f"{fit.robot.name}: no line of the log has a pose")
@@ -189,10 +189,10 @@ def predicted(result: Assessment) -> Table:
 
 def registration_table(fit: Calibration) -> Table | None:
     """Tabulate the identified tracker frame and marker; None where they were known."""
-    if fit.registration is None or not fit.registration.sigma.any():
+    if not (every := fit.registration.known if fit.registration else []):
         return None
     rows = []
-    for known in fit.registration.known:
+    for known in every:
         factor, unit = PRINT[known.unit]
         cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
         rows.append([f"{known.name} ({unit})", *cells])

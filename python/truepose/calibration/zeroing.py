@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Array, require
+from truepose.arguments import Array, numbers_like, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import left_out
-from truepose.calibration.causes.column_check import APART, MISFIT
 from truepose.calibration.expectation import expect
-from truepose.calibration.fit import Calibration
+from truepose.calibration.fit import Calibration, joint_prior
 from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.lean import Leaning, leaning_of, require_effect
+from truepose.calibration.log_checks import APART
 from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import KNOWN, Registered, leave_one_out, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
@@ -35,8 +35,8 @@ from truepose.show.units import named
 _SHARE = 0.05
 #: Share of logs with correct postures in which one is refused.
 FALSE_ALARMS = 1e-3
-#: Allowed motion within a posture's rows, σ.
-_SAME = 5.0
+#: Motion within a posture's rows, σ, that is noted, and that is refused.
+_SAME, _OTHER = 5.0, 20.0
 
 
 class Zero(NamedTuple):
@@ -152,8 +152,6 @@ def zero(
     read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     if not read.any():
         raise InputError("no line has a reading of every motor")
-    if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
-        raise InputError(f"readings: {'; '.join(wrong)}")
     postures, notes = _postures_of(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
@@ -213,11 +211,8 @@ def _sigma_of(robot: Robot, sigma: ArrayLike | float | None) -> Array:
     """Return σ of the pose, (n,), m or rad."""
     if sigma is None and robot.spec.mobility != "rotational":
         raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
-    sigma = logs.reading.FLAT if sigma is None else sigma
-    values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    if not (np.isfinite(values) & (values > 0)).all():
-        raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
-    return values
+    given = logs.reading.FLAT if sigma is None else sigma
+    return numbers_like("sigma", given, (robot.n,), "greater than 0")
 
 
 def _postures_of(
@@ -227,9 +222,8 @@ def _postures_of(
 
     Every motor must have been read. Labels are names and lines.
     """
-    labels = log.labels.get(logs.reading.POSTURE)
-    usual, names = _pose(robot, at), np.full(len(log.lines), "one")
-    stood = np.ones(len(names), dtype=bool)
+    labels, measured, count = log.labels.get(logs.reading.POSTURE), log.measured, len(log.lines)
+    usual, names, stood = _pose(robot, at), np.full(count, "one"), np.ones(count, dtype=bool)
     if labels is not None:
         names, stood = labels, logs.reading.stood(labels)
         if not stood.any():
@@ -240,22 +234,20 @@ def _postures_of(
                 "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
                 f"out, or give the pose in columns {outside}"
             )
-    elif log.measured is not None:
-        names, stood = log.lines.astype(str), np.asarray(np.isfinite(log.measured).any(axis=1))
+    elif measured is not None:
+        names, stood = log.lines.astype(str), np.asarray(np.isfinite(measured).any(axis=1))
         usual = np.full(robot.n, np.nan) if at is None else usual
-    measured = log.measured
-    if measured is not None and log.implied is not None:
+    if measured is None:
+        measured = np.full((count, robot.n), np.nan)
+    elif log.implied is not None:
         measured = np.where(log.implied, np.nan, measured)
+    leans = np.zeros((count, 2)) if log.base_lean is None else log.base_lean
     level = np.isfinite(usual) & (robot.spec.mobility == "rotational" and at is None)
     rows, notes = [], []
     for name in dict.fromkeys(names[stood].tolist()):
         lines = np.flatnonzero(stood & (names == name))
-        here, known, implied, tilt = log.readings[lines], usual, level, np.zeros(2)
-        if measured is not None:
-            mean = _mean_of(measured[lines])
-            known, implied = np.where(np.isnan(mean), usual, mean), level & np.isnan(mean)
-        if log.base_lean is not None:
-            tilt = log.base_lean[lines].mean(axis=0)
+        here, mean, tilt = log.readings[lines], _mean_of(measured[lines]), leans[lines].mean(axis=0)
+        known, implied = np.where(np.isnan(mean), usual, mean), level & np.isnan(mean)
         if implied.any() and tilt.any():
             known = leveled(robot, known[None], tilt[None], implied[None])[0]
         where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
@@ -291,8 +283,8 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     noise = knowledge.reading_sigma(robot)[: robot.n]
     k, units = int(np.argmax(size / noise)), reading_units(robot)
     said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
-    still = (moved <= MISFIT * sigma).all()  # False where some rows close no loop
-    if not still and size[k] > MISFIT * noise[k]:
+    still = (moved <= _OTHER * sigma).all()  # False where some rows close no loop
+    if not still and size[k] > _OTHER * noise[k]:
         raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
     return said if (moved > _SAME * sigma).any() else ""
 
@@ -314,14 +306,11 @@ def _require_agreement(
     if len(of) < 2:
         return
     robot, x = fit.robot, np.asarray(postures.measured)
-    names = leaning.names if leaning else ()
     acting = leaning.by_unknown(leaning.effect.reading) if leaning else None
     spread = np.broadcast_to(sigma, x.shape)
     rows = rows_of(robot, fit.names, postures.readings, fit.x[of], x, spread, acting)
-    every = [*fit.parameters.values(), *(fit.influences[name] for name in names)]
-    own = len(fit.names)
-    prior = np.diag([u.prior_sigma**-2 for u in every])
-    prior[:own, :own] = np.linalg.inv(fit.prior_covariance)
+    every = [*fit.parameters.values(), *fit.others.values()]
+    prior = np.linalg.inv(joint_prior(fit))
     off = np.array([u.prior - u.value for u in every])
     covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
@@ -373,12 +362,10 @@ def _require_near(robot: Robot, poses: Log, leaning: Leaning | None) -> Array:
             f"{np.append(rows[i, n:], x[i])[k]:.4g}, by motors and tolerances "
             f"{seen.expected[i, k]:.4g}, σ {seen.sigma[i, k]:.2g}"
         )
-    every = {*units, *(unit for _, unit in robot.coordinates)}
-    wrong = " or ".join(text for unit, text in (("rad", "degrees"), ("m", "mm")) if unit in every)
     raise InputError(
-        f"{poses.labels[logs.reading.POSTURE][i]}: {', '.join(read)}: {why}: in {wrong}, a sign, "
-        "the order of the columns, another pose, or another zero (encoder_offset: nominal less "
-        "read, or a larger tolerance)?"
+        f"{poses.labels[logs.reading.POSTURE][i]}: {', '.join(read)}: {why}: in degrees or mm, a "
+        "sign, the order of the columns, another pose, or another zero (encoder_offset: nominal "
+        "less read, or a larger tolerance)?"
     )
 
 

@@ -1,4 +1,4 @@
-"""`truepose accuracy`: predicted errors by law, sensor set and number of calibration poses."""
+"""`truepose accuracy`, `error-budget`: predicted errors, and what contributes to them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from typer import Option
 
 from truepose.calibration.bound import accuracy
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
+from truepose.commands.where import ConditionsOption, CriterionOptions, UseOptions, under
+from truepose.design.error_budget import error_budget
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.reading import read_poses
 from truepose.robot.maps import workspace_slice
 from truepose.robot.robot import load
 from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, tabled
 from truepose.show.terminal import Format, show
+from truepose.show.units import measured
 
 
 def command(
@@ -77,16 +79,45 @@ def notes(found: Prediction) -> list[str]:
 def tables(found: Prediction) -> list[Table]:
     """Return a table for each predicted state: one row per sensor set, σ in mm and degrees."""
     axes: list[Axis | Summed] = [*coordinate_axes(found.robot), summed(found.robot)]
-    factor = [axis.factor for axis in axes]
     result = []
     for what, sigma in found.sigma.items():
-        rows = []
-        for names, values in zip(found.sets, sigma, strict=True):
-            named = Cell(label(found.robot, names), ",".join(names) or "none")
-            rows.append([named, *(number(float(v)) for v in values * factor)])
+        rows = [
+            {"sensors": Cell(label(found.robot, names), ",".join(names) or "none")}
+            | {axis.label: axis.factor * v for axis, v in zip(axes, values, strict=True)}
+            for names, values in zip(found.sets, sigma.tolist(), strict=True)
+        ]
         learnt = ", calibrated on the same poses" if what.startswith("self-calibrated") else ""
         title = f"1σ bound of the pose, {what}: rms over {len(found.poses)} poses{learnt}"
-        name = "accuracy_" + re.sub("[ ,-]+", "_", what)
-        header = ["sensors", *(axis.label for axis in axes)]
-        result.append(Table(name, title, header, rows))
+        result.append(tabled("accuracy_" + re.sub("[ ,-]+", "_", what), title, rows))
     return result
+
+
+def error_budget_command(
+    robot: options.RobotName,
+    sensors: options.SensorsOption = None,
+    use: UseOptions = UseOptions(),
+    conditions: ConditionsOption = None,
+    criterion: CriterionOptions = CriterionOptions(),
+    plot: Path | None = options.plot_option("the contributions"),
+    how: options.How = Format.table,
+    force: options.Force = False,
+) -> None:
+    """Print what each tolerance and each reading contributes to the error of an estimated pose.
+
+    Contributions are standard deviations of the position, rms over the poses; their squares add up.
+    The last column is the error with half of that tolerance or noise.
+
+    Example: **truepose error-budget h4 --calibrated 20 --plot budget.svg**
+    """
+    loaded = under(options.load_with(robot, sensors), conditions)
+    inputs = (robot, use.poses, use.calibrated)
+    write = options.writer(inputs, force, plot=plot)
+    found = error_budget(loaded, use.use(loaded), criterion.criterion())
+    write(plot=found.plot)
+    total = summed(loaded)
+    error, sigma = (measured(value, total.unit) for value in (found.error, found.sigma))
+    answer = (
+        f"{loaded.name} with {label(loaded, loaded.sensors)}, {found.state}: "
+        f"{found.criterion.said(total.name)}: {error}; σ {sigma}; {len(found.over)} poses."
+    )
+    show([found.table()], how, [answer], written=(plot,))

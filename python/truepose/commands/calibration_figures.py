@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
+from truepose.arguments import Array
 from truepose.calibration import review
 from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
 from truepose.files import picture
 from truepose.robot.units import in_print, summed
+from truepose.show.charts import lines
 from truepose.show.page import as_uri, render, versions
-from truepose.show.units import PRINT, printed
+from truepose.show.results import figure_of
+from truepose.show.units import printed
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 
@@ -52,24 +57,23 @@ def residuals(result: Assessment) -> Figure:
     shown = [k for k in range(len(result.names)) if np.isfinite(result.after.residual[:, k]).any()]
     figure = Figure(figsize=(8.4, 0.5 + 2.1 * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
-    counts, lines = review.counted(result), result.log.lines
-    for (left, right), k in zip(grid, shown, strict=True):
+    counts, rows = review.counted(result), result.log.lines
+    series = {
+        "before": (0, result.before.residual),
+        "after": (1, result.after.residual),
+        "held out": (1, result.held_out),
+    }
+    for pair, k in zip(grid, shown, strict=True):
         factor, unit = in_print(result.fit.robot, result.names[k])
-        series = {
-            "before": (left, result.before.residual[:, k]),
-            "after": (right, result.after.residual[:, k]),
-            "held out": (right, result.held_out[:, k]),
-        }
-        for name, (axes, values) in series.items():
-            style = {"color": _COLOURS[name], "rasterized": True}
-            label, scaled = name if k == shown[0] else None, factor * values
+        for name, (side, values) in series.items():
+            axes, scaled = pair[side], factor * values[:, k]
             limit = 1.3 * np.nanmax(np.abs(scaled[counts]), initial=factor * 1e-12)
-            axes.plot(lines[counts], scaled[counts], ".", ms=3, label=label, **style)
-            out = ~counts & np.isfinite(values)
-            axes.plot(lines[out], np.clip(scaled[out], -limit, limit), "x", ms=5, **style)
-        left.set(ylabel=f"{result.names[k]} ({unit})")
-        for axes in (left, right):
+            style: dict[str, Any] = {"color": _COLOURS[name], "rasterized": True}
+            label = name if k == shown[0] else None
+            axes.plot(rows[counts], scaled[counts], ".", ms=3, label=label, **style)
+            axes.plot(rows[~counts], np.clip(scaled[~counts], -limit, limit), "x", ms=5, **style)
             axes.axhline(0, color="0.6", lw=0.8)
+        pair[0].set(ylabel=f"{result.names[k]} ({unit})")
     for axes in grid[-1]:
         axes.set(xlabel=f"{result.log.word} of the log")
     figure.legend(loc="outside upper center", ncols=3, fontsize=9, markerscale=2, frameon=False)
@@ -78,18 +82,15 @@ def residuals(result: Assessment) -> Figure:
 
 def accuracy(result: Assessment) -> Figure:
     """Draw the sorted predicted σ of the position, before and after, absolute and referenced."""
-    figure = Figure(figsize=(8.4, 3.1), layout="constrained")
-    pair = figure.subplots(1, 2, sharey=True)
-    total = summed(result.fit.robot)
-    factor, unit = PRINT[total.unit]
-    for axes, how in zip(pair, ("absolute", "referenced"), strict=True):
-        for when in ("before", "after"):
-            P = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2)
-            error = factor * np.sort(np.sqrt(P[:, total.columns].sum(axis=1)))
-            share = 100 * (np.arange(len(error)) + 0.5) / len(error)
-            axes.plot(share, error, color=_COLOURS[when], label=when)
-        axes.set(title=how, xlabel=f"poses {result.where} (%)", yscale="log")
-        axes.title.set_size(10)
-    pair[0].set(ylabel=f"{total.name} error, σ ({unit})")
-    pair[0].legend(fontsize=9, frameon=False)
-    return figure
+    total, panels = summed(result.fit.robot), dict[str, dict[str, Array]]()
+    for (when, how), P in result.accuracy.items():
+        variance = np.diagonal(P, axis1=1, axis2=2)[:, total.columns].sum(axis=1)
+        sigma = total.factor * np.sort(np.sqrt(variance))
+        panels.setdefault(f"{how}, σ of the {total.label}", {})[when] = sigma
+    share = 100 * (np.arange(len(sigma)) + 0.5) / len(sigma)
+
+    def draw(figure: Any) -> None:
+        for axes in lines(figure, share, panels, f"poses {result.where} (%)", "-", _COLOURS):
+            axes.set_yscale("log")
+
+    return figure_of(draw)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-import inspect
 import os
 import signal
 import sys
@@ -12,7 +9,7 @@ import threading
 import warnings
 from collections.abc import Callable
 from importlib import metadata
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from typer import Option
@@ -23,7 +20,6 @@ from truepose.commands import (
     accuracy,
     calibrate,
     design,
-    error_budget,
     export,
     faults,
     info,
@@ -32,52 +28,17 @@ from truepose.commands import (
     plan,
     robots,
     simulate,
-    zero,
 )
+from truepose.commands.groups import with_options
 from truepose.exceptions import TrueposeError
 from truepose.plugins import plugins
-from truepose.show.terminal import limit, prepare, say
+from truepose.show.terminal import prepare, say
 
 app = typer.Typer(
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="Makes parallel robots accurate with redundant sensors.",
 )
-
-
-def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Replace each group of options, a dataclass, by its fields, and add the option --all.
-
-    --all prints more than one screen of tables.
-    """
-    signature = inspect.signature(command, eval_str=True)
-    groups: dict[str, Any] = {}
-    parameters: list[inspect.Parameter] = []
-    for name, own in signature.parameters.items():
-        if dataclasses.is_dataclass(own.annotation):
-            groups[name] = own.annotation
-            parameters += inspect.signature(groups[name], eval_str=True).parameters.values()
-        else:
-            parameters.append(own.replace(kind=inspect.Parameter.KEYWORD_ONLY))
-    if limited := "how" in signature.parameters:
-        of_all = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
-        asked = inspect.Parameter(
-            "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of_all
-        )
-        parameters.append(asked)
-
-    @functools.wraps(command)
-    def run(**options: Any) -> Any:
-        if limited:
-            limit(options.pop("everything"))
-        for name, group in groups.items():
-            own = {field.name: options.pop(field.name) for field in dataclasses.fields(group)}
-            options[name] = group(**own)
-        return command(**options)
-
-    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {each.name: each.annotation for each in parameters}
-    return run
 
 
 #: Groups of the help, in the order in which a robot's builder needs them.
@@ -90,12 +51,12 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     },
     "Before building": {
         "accuracy": accuracy.command,
-        "error-budget": error_budget.command,
+        "error-budget": accuracy.error_budget_command,
         "design": design.command,
         "plan": plan.command,
         "faults": faults.command,
     },
-    "Calibration": {"calibrate": calibrate.command, "zero": zero.command},
+    "Calibration": {"calibrate": calibrate.command, "zero": calibrate.zero_command},
     "Simulation and control": {
         "simulate": simulate.command,
         "simulate-log": monte_carlo.simulate_log_command,
@@ -110,7 +71,7 @@ _GROUP_OF = {"import": "Robots", "view": "Robots"} | dict.fromkeys(
 
 for _group, _commands in _GROUPS.items():
     for _name, _command in _commands.items():
-        app.command(_name, rich_help_panel=_group)(_limited(_command))
+        app.command(_name, rich_help_panel=_group)(with_options(_command))
 app.add_typer(export.app, name="export", rich_help_panel="Robots")
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 _registered = plugins("commands")  # of packages and integrations
@@ -126,7 +87,7 @@ for _path in sorted(_registered.keys() | moved.COMMANDS):
     if isinstance(_loaded, typer.Typer):
         _parent.add_typer(_loaded, name=_name, rich_help_panel=_panel)
     else:
-        _parent.command(_name, rich_help_panel=_panel)(_limited(_loaded))
+        _parent.command(_name, rich_help_panel=_panel)(with_options(_loaded))
 
 
 def _version(wanted: bool) -> None:

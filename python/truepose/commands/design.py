@@ -8,8 +8,13 @@ import numpy as np
 from typer import Context, Option
 
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
-from truepose.commands.where import CriterionOptions, UseOptions, parse_ranges
+from truepose.commands.where import (
+    ConditionsOption,
+    CriterionOptions,
+    UseOptions,
+    parse_ranges,
+    under,
+)
 from truepose.design.placement import Placement, place_sensors
 from truepose.design.selection import STEPS, SensorSelection, printed_errors
 from truepose.design.sensors import select_sensors
@@ -17,7 +22,7 @@ from truepose.design.verification import ROBOTS, Verification, verify
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import label, summed
-from truepose.show.table import Table, number
+from truepose.show.table import Table, number, tabled
 from truepose.show.terminal import Format, progress, say, show
 from truepose.show.units import PRINT, measured
 
@@ -114,7 +119,7 @@ def command(
         with progress("robots", robots) as watch:
             told.append(verified(found, verify(found, robots=robots, seed=seed, watch=watch)))
     write(plot=found.plot)
-    steps = [steps_table(found)] * bool(found.steps)
+    steps = [steps_table(found)] if found.steps else []
     show([found.table(), *steps], how, told, written=(plot,))
 
 
@@ -143,15 +148,20 @@ def parse_prices(robot: Robot, text: str) -> dict[str, float]:
 
 def steps_table(found: SensorSelection) -> Table:
     """Return a table of the best set as it is, and after further steps, with all prices."""
-    rows = []
-    for state, best in ({found.state: found.best} | found.steps).items():
-        if best is not None:
-            error = number(summed(found.robot).factor * best.error)
-            prices = map(number, (best.price, best.once, best.total))
-            rows.append([state, label(found.robot, best.sensors), *prices, error])
+    rows = [
+        {
+            "robot": state,
+            "sensors": label(found.robot, best.sensors),
+            "price": best.price,
+            "one-time steps": best.once,
+            "together": best.total,
+            summed(found.robot).label: summed(found.robot).factor * best.error,
+        }
+        for state, best in ({found.state: found.best} | found.steps).items()
+        if best is not None
+    ]
     goal = "Cheapest set that reaches the target" if found.target else "Most accurate set"
-    header = ["robot", "sensors", "price", "one-time steps", "together", summed(found.robot).label]
-    return Table("steps", f"{goal}, after one-time steps", header, rows)
+    return tabled("steps", f"{goal}, after one-time steps", rows)
 
 
 def verified(found: SensorSelection, by: Verification) -> str:

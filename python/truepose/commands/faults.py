@@ -12,7 +12,7 @@ from typer import Argument, Context, Option
 from truepose import logs
 from truepose.arguments import Array
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
+from truepose.commands.where import ConditionsOption, under
 from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import FALSE_ALARM, HOURS, TIMES, Detectability, detectability
 from truepose.faults.monitor import FaultMonitor

@@ -1,4 +1,4 @@
-"""Options of commands from option groups: dataclasses with numpydoc docstrings."""
+"""Options of commands from their signatures and from option groups, which are dataclasses."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from typer import Context, Option
 
 from truepose.commands import options
 from truepose.exceptions import InputError
+from truepose.show.terminal import limit
 
 
 def _point(text: str, option: str) -> tuple[float, ...]:
@@ -33,7 +34,7 @@ _TEXTS: dict[str, tuple[str, Callable[[str, str], Any]]] = {
 }
 
 
-def described(group: type) -> dict[str, str]:
+def _described(group: type) -> dict[str, str]:
     """Return the description of every field in a group's docstring, as plain text."""
     text = (inspect.getdoc(group) or "").partition("Parameters\n----------\n")[2]
     each = re.split(r"^(\w+) : .*\n", text.partition("\n\n")[0], flags=re.MULTILINE)
@@ -49,10 +50,17 @@ def _all_help(context: Context, wanted: bool) -> None:
         raise typer.Exit
 
 
+#: Options of commands with a second page of help, and of those that print tables.
 _HELP_ALL = Annotated[
     bool,
     Option("--help-all", callback=_all_help, is_eager=True, help="Show every option, and exit."),
 ]
+_ALL = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
+
+
+def _keyword(name: str, default: Any, annotation: Any) -> inspect.Parameter:
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=annotation)
 
 
 def _option(of: Field, hint: Any, default: Any, text: str, hidden: bool) -> inspect.Parameter:
@@ -65,47 +73,53 @@ def _option(of: Field, hint: Any, default: Any, text: str, hidden: bool) -> insp
             return None if text is None else parse(text, name)
 
     made = Option(help=text, metavar=metavar, hidden=hidden, callback=callback)
-    kind, hint = inspect.Parameter.KEYWORD_ONLY, of.metadata.get("words", hint)
-    return inspect.Parameter(of.name, kind, default=default, annotation=Annotated[hint, made])
+    return _keyword(of.name, default, Annotated[of.metadata.get("words", hint), made])
 
 
-def grouped(*first: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command an option for each field of the groups that are defaults of its parameters.
+def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command an option for each field of its option groups, and --all if it has tables.
 
-    Fields have their names, types and descriptions; `metadata` has "text", a key of `_TEXTS`, of
-    one that is written with a unit, "words", the type of an option that takes words alone, and
-    "option": False, of one without an option. Options other than `first` are on the second page of
-    the help.
+    A parameter is a group if its default is a dataclass. Fields that are typer's options stay as
+    they are. Others have their names, types and descriptions; `metadata` has "text", a key of
+    `_TEXTS`, of one that is written with a unit, "words", the type of an option that takes words
+    alone, and "option": False, of one without an option. These are on the second page of the help
+    unless the annotation names them: Annotated[Group, names].
     """
-
-    def decorate(function: Callable[..., None]) -> Callable[..., None]:
-        signature = inspect.signature(function, eval_str=True)
-        made: list[inspect.Parameter] = []
-        groups: dict[str, tuple[Any, list[str]]] = {}
-        for parameter in signature.parameters.values():
-            group = parameter.default
-            if not is_dataclass(group):
-                made.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    signature = inspect.signature(command, eval_str=True)
+    made: list[inspect.Parameter] = []
+    groups: dict[str, tuple[Any, list[str]]] = {}
+    paged = False
+    for name, parameter in signature.parameters.items():
+        if not is_dataclass(group := parameter.default):
+            made.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+            continue
+        (first,) = getattr(parameter.annotation, "__metadata__", [()])
+        hints = get_type_hints(type(group), include_extras=True)
+        own = [of for of in fields(group) if of.metadata.get("option", True)]
+        groups[name] = group, [of.name for of in own]
+        for of in own:
+            hint, default = hints[of.name], getattr(group, of.name)
+            if hasattr(hint, "__metadata__"):
+                made.append(_keyword(of.name, default, hint))
                 continue
-            hints, texts = get_type_hints(type(group)), described(type(group))
-            own = [of for of in fields(group) if of.metadata.get("option", True)]
-            groups[parameter.name] = group, [of.name for of in own]
-            made += [
-                _option(of, hints[n], getattr(group, n), texts[n], n not in first)
-                for of in own
-                for n in [of.name]
-            ]
-        made.append(made[0].replace(name="help_all", default=False, annotation=_HELP_ALL))
+            paged |= (hidden := of.name not in first)
+            text = _described(type(group))[of.name]
+            made.append(_option(of, hint, default, text, hidden))
+    if limited := "how" in signature.parameters:
+        made.append(_keyword("everything", False, _ALL))
+    if paged:
+        made.append(_keyword("help_all", False, _HELP_ALL))
 
-        @functools.wraps(function)
-        def call(*, help_all: bool, **given: Any) -> None:
-            for name, (group, own) in groups.items():
-                values = {key: given.pop(key) for key in own}
-                given[name] = replace(group, **{k: v for k, v in values.items() if v is not None})
-            function(**given)
+    @functools.wraps(command)
+    def call(**given: Any) -> Any:
+        given.pop("help_all", None)
+        if limited:
+            limit(given.pop("everything"))
+        for name, (group, own) in groups.items():
+            values = {key: given.pop(key) for key in own}
+            given[name] = replace(group, **{k: v for k, v in values.items() if v is not None})
+        return command(**given)
 
-        call.__signature__ = signature.replace(parameters=made)  # type: ignore[attr-defined]
-        call.__annotations__ = {each.name: each.annotation for each in made}
-        return call
-
-    return decorate
+    call.__signature__ = signature.replace(parameters=made)  # type: ignore[attr-defined]
+    call.__annotations__ = {each.name: each.annotation for each in made}
+    return call

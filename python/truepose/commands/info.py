@@ -78,7 +78,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     numbers = f"{low:.2f} least, {middle:.2f} median, {high:.2f} greatest"
     spread = {"value": middle, "minimum": low, "maximum": high}
     mixed = len({unit for _, unit in robot.coordinates}) > 1
-    scale = f", angles × {1e3 * figures.length:g} mm" if mixed else ""
+    scale = f", angles × {1e3 * LENGTH:g} mm" if mixed else ""
     result.append((f"condition number of J{scale}", Cell(numbers, spread)))
     for per, speed in (("1 m/s", figures.moving), ("1 rad/s", figures.turning)):
         if speed is not None:

@@ -16,7 +16,7 @@ from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.show.results import figure_of
-from truepose.show.table import Table, number
+from truepose.show.table import Table, tabled
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT
 
@@ -100,18 +100,22 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
 
 def chosen(found: list[StabilityMargins]) -> Table:
     """Return a table with one row per law: gains, torque noise, limit cycle at the worst pose."""
-    header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
     units = np.array([unit for _, unit in found[0].robot.coordinates])
-    kinds = dict.fromkeys(units)
-    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in kinds]
     rows = []
     for each in found:
-        control, cycle = each.controller, each.limit_cycle
-        values = [control.frequency, control.damping, control.velocity_bandwidth]
-        values += [100 * each.dither.max()]
-        values += [PRINT[unit][0] * cycle[:, units == unit].max() for unit in kinds]
-        rows.append([control.built_in, *(number(float(v)) for v in values)])
-    return Table("gains", "Gains", header, rows)
+        control = each.controller
+        row: dict[str, Any] = {
+            "law": control.built_in,
+            "poles (rad/s)": control.frequency,
+            "damping": control.damping,
+            "filter (rad/s)": control.velocity_bandwidth,
+            "torque noise (% of limit)": float(100 * each.dither.max()),
+        }
+        for unit in dict.fromkeys(units.tolist()):
+            cycle = PRINT[unit][0] * each.limit_cycle[:, units == unit].max()
+            row[f"limit cycle, ({PRINT[unit][1]})"] = float(cycle)
+        rows.append(row)
+    return tabled("gains", "Gains", rows)
 
 
 def notes(found: list[StabilityMargins]) -> list[str]:

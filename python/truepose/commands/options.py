@@ -271,6 +271,22 @@ def parse_pose(robot: Robot, text: str | None, name: str, reached: bool = True) 
     return pose
 
 
+#: Units that options are written with: SI unit and factor.
+UNITS = {"": ("", 1.0), **WRITTEN, "kg": ("kg", 1.0), "g": ("kg", 1e-3)}
+UNITS |= {"degC": ("degC", 1.0), "°C": ("degC", 1.0), "K": ("K", 1.0)}
+
+
+def with_unit(text: str) -> tuple[str, str, float]:
+    """Split a text into its number, its SI unit and the factor into that; NaN if it is unknown."""
+    number, unit = re.fullmatch(r"\s*(.*?)\s*([a-zA-Zµ°]*)\s*", text, re.DOTALL).groups()  # type: ignore[union-attr]
+    return number, *UNITS.get(unit, ("", np.nan))
+
+
+def written(*units: str) -> str:
+    """Return how these SI units are written, separated by commas."""
+    return ", ".join(name for name, (unit, _) in UNITS.items() if name and unit in units)
+
+
 #: Descriptions of valid sizes, by their units.
 _SIZES = {
     ("m", "rad"): "a length and an angle greater than 0 with units, as 0.02mm,0.01deg",
@@ -282,13 +298,11 @@ _SIZES = {
 
 def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, float]:
     result: dict[str, float] = {}
-    for part in map(str.strip, text.split(",") if text is not None else ()):
-        number = part.rstrip("".join(WRITTEN))
-        unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part[len(number) :], ("", np.nan))
+    for part in () if text is None else text.split(","):
+        number, unit, factor = with_unit(part)
         value = factor * number_of(number)
         if unit not in units or not (0 < value < np.inf) or unit in result:
-            known = ", ".join(written for written, (of, _) in WRITTEN.items() if of in units)
-            known = f" (units: {known})" if known else ""
+            known = f" (units: {written(*units)})" if units != ("",) else ""
             raise InputError(f"{option} {text}: must be {_SIZES[units]}{known}")
         result[unit] = value
     return result
@@ -306,13 +320,13 @@ def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | N
 def parse_each(
     text: str | None, option: str, units: Sequence[str], whose: str
 ) -> list[float] | None:
-    """Parse a length and an angle; return the one or the other for each unit."""
+    """Parse a length, an angle or both, as the units need; return the value for each unit."""
     if text is None:
         return None
     by = _sizes(text, option, ("m", "rad"))
-    if missing := set(units) - by.keys():
-        every, wanted = (" and ".join(sorted(each)) for each in (set(units), missing))
-        raise InputError(f"{option} {text}: {whose} {every}; give a value in {wanted}")
+    if by.keys() != set(units):
+        every = " and ".join(sorted(set(units)))
+        raise InputError(f"{option} {text}: {whose} {every}; give a value in {every}")
     return [by[unit] for unit in units]
 
 
@@ -361,44 +375,44 @@ def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
     return Effects().only(*names)
 
 
+_EVENT = re.compile(r"(?:([^:]+):)?([^:=@]+)(?:=([^@]*))?(?:@(.*?)(?:\.\.(.*))?)?")
+
+
+def _event(
+    option: str, form: str, text: str, needed: int, words: Collection[str] = ()
+) -> tuple[str, str, list[Any], dict[str, Any]]:
+    """Parse [WHO:]KIND[=SIZE][@TIME[..END]]; the size of kinds in `words` is a text."""
+    found = _EVENT.fullmatch(text)
+    if found is None or found[needed] is None:
+        raise InputError(f"{option} {text}: must be {form}")
+    who, kind, size, at, until = found.groups()
+    many = [] if size is None else size.split(",") if kind == "contact" else [size]
+    sizes = many if kind in words else [number_of(each) for each in many]
+    times = {"at": number_of(at or "0"), "until": None if until is None else number_of(until)}
+    if np.isnan([v for v in (*sizes, *times.values()) if isinstance(v, float)]).any():
+        raise InputError(f"{option} {text}: size and times must be numbers: {form}")
+    return who, kind, sizes, times
+
+
 def faults_of(texts: Sequence[str] | None) -> list[Fault]:
     """Parse faults in the notation that :class:`Fault` prints."""
-    return [_fault(text) for text in texts or ()]
-
-
-def _fault(text: str) -> Fault:
-    found = re.fullmatch(r"([^:]+):([^=@]+)(?:=([^@]*))?(?:@(.*?)(?:\.\.(.*))?)?", text)
-    if found is None:
-        raise InputError(f"--fault {text}: must be {_FAULT}")
-    reading, kind, size, at, until = found.groups()
-    other = None
-    if kind in FAULT_KINDS and _core.fault_kinds[kind].pair:
-        size, other = None, size
-    numbers = {"size": size, "at": at or "0", "until": until}
-    values: dict[str, Any] = {k: number_of(t) for k, t in numbers.items() if t is not None}
-    if np.isnan(list(values.values())).any():
-        raise InputError(f"--fault {text}: size and times must be numbers: {_FAULT}")
-    return Fault(reading, kind, other=other, **values)  # type: ignore[arg-type]  # Fault checks it
+    pairs = [kind for kind, row in _core.fault_kinds.items() if row.pair]
+    faults = []
+    for text in texts or ():
+        reading, kind, sizes, times = _event("--fault", _FAULT, text, 1, pairs)
+        size = dict(zip(["other" if kind in pairs else "size"], sizes, strict=False))
+        faults.append(Fault(reading, kind, **times, **size))  # type: ignore[arg-type]  # Fault checks it
+    return faults
 
 
 def disturbances_of(texts: Sequence[str] | None) -> list[Disturbance]:
     """Parse disturbances in the notation that :class:`Disturbance` prints."""
-    return [_disturbance(text) for text in texts or ()]
-
-
-def _disturbance(text: str) -> Disturbance:
-    found = re.fullmatch(r"(?:([^:]+):)?([^=@]+)=([^@]*)(?:@(.*?)(?:\.\.(.*))?)?", text)
-    if found is None:
-        raise InputError(f"--disturbance {text}: must be {_DISTURBANCE}")
-    motor, kind, size, at, until = found.groups()
-    values = [number_of(value) for value in size.split(",")]
-    begin = number_of(at or "0")
-    end = None if until is None else number_of(until)
-    if np.isnan([*values, begin, end or 0.0]).any():
-        raise InputError(f"--disturbance {text}: size and times must be numbers: {_DISTURBANCE}")
-    contact = kind == "contact"
-    given = {"force": tuple(values)} if contact else {"size": values[0]}
-    return Disturbance(kind, at=begin, motor=motor, until=end, **given)  # type: ignore[arg-type]
+    disturbances = []
+    for text in texts or ():
+        motor, kind, sizes, times = _event("--disturbance", _DISTURBANCE, text, 3)
+        size = {"force": tuple(sizes)} if kind == "contact" else {"size": sizes[0]}
+        disturbances.append(Disturbance(kind, motor=motor, **times, **size))  # type: ignore[arg-type]
+    return disturbances
 
 
 def true_robot(robot: Robot, text: str, seed: int) -> Robot:

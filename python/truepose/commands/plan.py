@@ -13,8 +13,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
 from truepose.commands import options
-from truepose.commands.conditions import ConditionsOption, under
-from truepose.commands.where import Where
+from truepose.commands.where import ConditionsOption, Where, under
 from truepose.design.candidates import COUNT, CandidatePoses
 from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, SAMPLED, plan_poses
@@ -52,9 +51,6 @@ def command(
     seen: bool = Option(
         False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
     ),
-    relative_to: str | None = Option(
-        None, metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."
-    ),
     sensors: options.SensorsOption = None,
     conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
@@ -85,7 +81,6 @@ def command(
         after=None if after is None else fit_of(loaded, after),
         target=options.parse_target(loaded, target),
         use=where.use(loaded),
-        relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,
         seed=seed,

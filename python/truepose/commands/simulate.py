@@ -23,7 +23,7 @@ from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, list_robots
 from truepose.show.results import figure_of
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, tabled
 from truepose.show.terminal import Format, progress, show
 from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
@@ -230,43 +230,43 @@ def _asked(
     if named and (end is not None or (start is not None and circle is None)):
         left = "--to" if circle is not None else "--from and --to"
         raise InputError(f"{named[0]}: defines all poses: leave out {left}")
-    if path is not None:
-        time, x_d = read_samples(robot, path)
-        return x_d if time is None else _timed(SampledPath(time=time, x=x_d), duration)
-    if way_points is not None:
-        each = MOVE_DURATION if duration is None else duration
-        return Waypoints(poses=read_poses(robot, way_points), duration=each), None, None
     first = options.parse_pose(robot, start, "--from", False)
     last = options.parse_pose(robot, end, "--to", False)
-    if circle is not None:
+    made: Circle | SampledPath | Waypoints | None = None
+    if path is not None:
+        time, x_d = read_samples(robot, path)
+        if time is None:
+            return x_d
+        made = SampledPath(time=time, x=x_d)
+    elif way_points is not None:
+        each = MOVE_DURATION if duration is None else duration
+        return Waypoints(poses=read_poses(robot, way_points), duration=each), None, None
+    elif circle is not None:
         numbers = options.numbers_of(circle)
         if np.isnan(numbers).any() or not 2 <= len(numbers) <= 3:
             raise InputError(f"--circle {circle}: must be radius, turns per second, and turns")
         radius, frequency, turns = (*numbers.tolist(), 1.0)[:3]
         centre = robot.home if first is None else first
-        circling = Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
-        return _timed(circling, duration)
-    if first is None or last is None:
+        made = Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
+    if made is not None and duration is not None:
+        raise InputError("--duration: --circle and a --path with times have their own: leave out")
+    if made is None and (first is None or last is None):
         usual = default_move(robot)
         first, last = usual[0] if first is None else first, usual[1] if last is None else last
-    return None, first, last
-
-
-def _timed(path: Circle | SampledPath, duration: float | None) -> Motion:
-    """Return a path with times of its own; InputError with --duration."""
-    if duration is not None:
-        raise InputError("--duration: --circle and a --path with times have their own: leave out")
-    return path, None, None
+    return made, first if made is None else None, last
 
 
 def _motors(robot: Robot, run: Simulation) -> Table:
     rows = []
     for k, chain in enumerate(robot.spec.chain):
-        unit, most = _UNITS[chain.actuator == "revolute"], float(np.abs(run.torque[:, k]).max())
-        name = Cell(f"{k + 1} ({unit})", {"motor": k + 1, "unit": unit})
-        rows.append([name, number(most), number(chain.torque_limit or np.inf)])
-    title = "Torques and forces of the motors"
-    return Table("motors", title, ["motor", "largest", "limit"], rows)
+        unit = _UNITS[chain.actuator == "revolute"]
+        row = {
+            "motor": Cell(f"{k + 1} ({unit})", {"motor": k + 1, "unit": unit}),
+            "largest": float(np.abs(run.torque[:, k]).max()),
+            "limit": float(chain.torque_limit or np.inf),
+        }
+        rows.append(row)
+    return tabled("motors", "Torques and forces of the motors", rows)
 
 
 def _reached(x: Array, status: Array) -> str:

@@ -1,12 +1,11 @@
-"""Groups of options: where accuracy counts, what is done with the robot before, the criterion."""
+"""Options of predictions: where accuracy counts, conditions, what is done before, the criterion."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from typer import Option
@@ -18,10 +17,49 @@ from truepose.design.where import Use, practice, volume_poses
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
 from truepose.robot.robot import Robot
-from truepose.show.units import WRITTEN
+from truepose.robot.units import reading_units
 
 #: Largest number of poses of a self-calibration.
 MOST = 10_000
+
+ConditionsOption = Annotated[
+    str | None,
+    Option(
+        "--conditions",
+        metavar="payload=0..2kg,temperature=15..35degC",
+        help="Uncertain conditions at work: payload, payload_centre_sigma, temperature, gradient; "
+        "backlash of the motors.",
+        show_default="the file's",
+    ),
+]
+#: SI unit by key; backlash has that of the motors.
+_UNITS = {"payload": "kg", "payload_centre_sigma": "m", "temperature": "degC", "gradient": "K"}
+_RANGES = ("payload", "temperature")
+
+
+def under(robot: Robot, text: str | None) -> Robot:
+    """Return the robot under the conditions of the option."""
+    given: dict[str, Any] = {}
+    units = _UNITS | {"backlash": reading_units(robot)[0]}
+    for part in map(str.strip, text.split(",") if text else ()):
+        key, _, value = part.partition("=")
+        if key not in units:
+            raise InputError(f"--conditions: {choose('condition', key, units)}")
+        numbers, unit, factor = options.with_unit(value)
+        ends = [factor * options.number_of(end) for end in numbers.split("..")]
+        ranged = key in _RANGES
+        if len(ends) != 1 + ranged or unit != units[key] or not np.isfinite(ends).all():
+            form = f"{key}={'LOW..HIGH' if ranged else 'NUMBER'} with a unit"
+            known = options.written(units[key])
+            raise InputError(f"--conditions {part}: must be {form}: {known}")
+        if min(ends) < 0 and key != "temperature":
+            raise InputError(f"--conditions {part}: must be 0 or greater")
+        options.add(given, key, tuple(ends) if ranged else ends[0], f"--conditions {key}")
+    changed = robot.with_conditions(**given) if given else robot
+    section = changed.spec.conditions
+    if given.get("payload_centre_sigma") and section and not section.payload[1]:
+        raise InputError("--conditions payload_centre_sigma: needs a payload, as payload=0..2kg")
+    return changed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,16 +157,13 @@ def parse_ranges(
     for text in texts:
         name, _, box = text.partition("=")
         unit = unit_of(name.strip())
-        low, high = (_signed(end, unit) for end in box.partition("..")[::2])
+        ends = map(options.with_unit, box.partition("..")[::2])
+        low, high = (
+            factor * options.number_of(number) if of in ("", unit) else np.nan
+            for number, of, factor in ends
+        )
         if not low <= high < np.inf or low == -np.inf:
             example = "-200mm..0.1m" if unit == "m" else "-30deg..30deg"
             raise InputError(f"{option} {text}: must be COORDINATE=LOW..HIGH, as {example}")
         options.add(result, name.strip(), (low, high), f"{option} {name.strip()}")
     return result
-
-
-def _signed(text: str, unit: str) -> float:
-    """Parse a length or an angle of either sign; return NaN for anything else."""
-    found = re.fullmatch(r"\s*(.+?)([a-zµ°]*)\s*", text)
-    of, factor = WRITTEN.get((found[2] if found else "") or unit, ("", np.nan))
-    return factor * options.number_of(found[1]) if found and of == unit else np.nan

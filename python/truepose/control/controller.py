@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Self, cast
+from typing import Any, Self, cast
 
 from numpy.typing import ArrayLike
 
@@ -76,14 +76,9 @@ class Controller(ControllerSettings):
         cls,
         robot: Robot,
         effects: Effects | None = None,
-        law: Law | OwnLaw | None = None,
+        law: Law | OwnLaw | Self | None = None,
         *,
         period: float = 1e-3,
-        damping: float = 0.55,
-        integral: float = 0.0,
-        gains: Literal["inertia", "diagonal"] = "inertia",
-        feed_forward: Literal["none", "gravity", "full"] = "full",
-        damped_below: float = 0.0,
     ) -> Self:
         """Return the fastest controller that is stable with the effects that the model omits.
 
@@ -99,11 +94,14 @@ class Controller(ControllerSettings):
             The controller's robot.
         effects : Effects, optional
             All by default.
-        law, period, damping, integral, gains, feed_forward, damped_below
-            As for the class, whose `frequency`, `velocity_bandwidth` and `sigma_scale` are chosen.
+        law : law, callable or Controller, optional
             By default the TEJ law, without a sensor in use the joint law; an own law takes
-            their gains. With less damping than the paper's 1 a loop of the same stiffness responds
-            less to high frequencies: a count's step, an arm's ringing.
+            their gains. Of a Controller all settings are kept but `frequency`,
+            `velocity_bandwidth` and `sigma_scale`, which are chosen. A law alone has a damping of
+            0.55: with less than the paper's 1 a loop of the same stiffness responds less to high
+            frequencies, a count's step or an arm's ringing.
+        period : float
+            Control period of a law alone, s.
 
         Raises
         ------
@@ -121,17 +119,11 @@ class Controller(ControllerSettings):
         >>> tp.simulate(h4, controller=controller, effects=tp.Effects()).status
         'ok'
         """
-        law = usual(robot) if law is None else law
-        rest = cls(
-            law=law,
-            period=period,
-            damping=damping,
-            integral=integral,
-            gains=gains,
-            feed_forward=feed_forward,
-            damped_below=damped_below,
-        )
-        like = usual(robot) if callable(law) else law
+        if isinstance(law, Controller):
+            rest = law
+        else:
+            rest = cls(law=usual(robot) if law is None else law, period=period, damping=0.55)
+        like = usual(robot) if callable(rest.law) else rest.law
         require_sensors(robot, like)
         return cast(Self, choose_gains(robot, like, effects or Effects(), rest))
 

@@ -154,17 +154,12 @@ class Effects:
         >>> round(h4.parameters["chain1.eccentricity.s1"].sigma * 1e6), h4.spec.sensor[0].noise > 0
         (247, True)
         """
-        spec = robot.spec
         names = [name for name in robot.parameters if name.endswith((".c1", ".s1"))]
         sigma = self.eccentricity / math.sqrt(2)
         known = {name: Tolerance(sigma=sigma) for name in names} if sigma > 0 else {}
-        sensors = tuple(
-            s.model_copy(update={"noise": math.hypot(s.noise, self.tool_backlash / 2 * s.geared)})
-            for s in spec.sensor
-        )
-        update = {"tolerances": known | spec.tolerances, "sensor": sensors}
-        values = {name: p.value for name, p in robot.parameters.items()}
-        return Robot(spec.model_copy(update=update), values)
+        half = self.tool_backlash / 2
+        noisy = robot.with_each("sensor", lambda s: {"noise": math.hypot(s.noise, half * s.geared)})
+        return noisy.with_file(tolerances=known | robot.spec.tolerances)
 
     def plant(self, robot: Robot, seed: int = 0) -> _core.Effects:
         """Return the core's struct for :func:`truepose.simulate`: all effects but geometry.

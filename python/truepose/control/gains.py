@@ -85,7 +85,6 @@ def _chosen(
     home = Responses(everywhere.plants[:1])
     read = robot if effects.quantization else robot.without_quantization()
     rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
-    limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
 
     def poled(frequency: float, ratio: float) -> ControllerSettings:
         return replace(given, frequency=frequency, velocity_bandwidth=ratio * frequency)
@@ -94,7 +93,7 @@ def _chosen(
         margin = found.least(gains)
         if not kept(margin):
             return _said(margin)
-        dither = float((found.dither(gains, read.reading_sigma) / limits).max())
+        dither = float((found.dither(gains, read.reading_sigma) / robot.torque_limit).max())
         if not dither <= _DITHER:
             return f"counts and noise cause torques of {100 * dither:.2g} % of a motor's limit"
         swing = found.limit_cycle(gains, read.resolution).max(axis=0)

@@ -95,25 +95,22 @@ def plants(
     settings: ControllerSettings = _USUAL,
 ) -> list[Plant]:
     """Linearize a controlled robot at poses; diagonal gains are placed at home."""
-    home = None
-    if settings.gains == "diagonal":
-        home = np.diag(np.diag(joint_inertia(robot, robot.home)))
-    return [_plant(robot, x, law, effects, settings, home) for x in poses]
+    return [_plant(robot, x, law, effects, settings) for x in poses]
 
 
-def joint_inertia(robot: Robot, x: ArrayLike) -> Array:
-    """Return JᵀMJ at a pose, (n, n)."""
+def gain_inertia(
+    robot: Robot, settings: ControllerSettings, x: ArrayLike, start: ArrayLike
+) -> Array:
+    """Return the inertia that gains multiply, (n, n): JᵀMJ at x, or its diagonal at the start."""
+    shaped = settings.gains == "inertia"
+    x = x if shaped else start
     J = robot.jacobian(x)
-    return J.T @ robot.mass_matrix(x) @ J
+    inertia = J.T @ robot.mass_matrix(x) @ J
+    return inertia if shaped else np.diag(np.diag(inertia))
 
 
 def _plant(
-    robot: Robot,
-    x: Array,
-    law: Law,
-    effects: Effects,
-    settings: ControllerSettings,
-    inertia: Array | None,
+    robot: Robot, x: Array, law: Law, effects: Effects, settings: ControllerSettings
 ) -> Plant:
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
@@ -124,7 +121,7 @@ def _plant(
     slope = np.diag(H_x[:n] @ np.linalg.inv(K))
     leak = robot.cross_sensitivity(x, law, sigma_scale=settings.sigma_scale)
     E = delays.carried(robot, -np.linalg.solve(robot.jacobian(x), leak), H_x, period)
-    inertia = slope[:, None] * (joint_inertia(robot, x) if inertia is None else inertia)
+    inertia = slope[:, None] * gain_inertia(robot, settings, x, robot.home)
 
     # Platform, and rotors on compliant arms: see offline/effects.hpp.
     springy, own, left = _apart(robot, effects, M, K)

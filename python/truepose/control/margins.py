@@ -176,7 +176,6 @@ def stability_margins(
     x = as_rows(robot, gains.poses(robot) if poses is None else poses, "poses", 1)
     found = Responses(plants(robot, x, controller.built_in, effects, controller))
     read = robot if effects.quantization else robot.without_quantization()
-    limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
     names = [*(f"motor {i + 1}" for i in range(robot.n)), *robot.readings]
     alone = map(list, zip(*found.alone(controller), strict=True))
     loops = {ALL: found.common(controller), **dict(zip(names, alone, strict=True))}
@@ -189,6 +188,6 @@ def stability_margins(
         found.frequency,
         found.together(controller),
         found.stable(controller),
-        found.dither(controller, read.reading_sigma) / limits,
+        found.dither(controller, read.reading_sigma) / robot.torque_limit,
         found.limit_cycle(controller, read.resolution),
     )

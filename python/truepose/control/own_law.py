@@ -1,16 +1,15 @@
-"""Torques and steady states under an own control law."""
+"""Motor errors and steady states under an own control law."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
 from truepose.control.controller import Controller, OwnLaw, law_name
-from truepose.control.linear import joint_inertia
+from truepose.control.linear import gain_inertia
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import padded
@@ -28,46 +27,14 @@ def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
     return error
 
 
-@dataclass(eq=False)
-class Torques:
-    """PD controller on the motor error of an own law, with the settings of a Controller.
+def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], list[float]]:
+    """Return an own law as the core calls it once per control period: vectors of its sizes."""
+    n = robot.n
 
-    The core calls it once per control period.
-    """
+    def error(x_d: list[float], q_e: list[float]) -> list[float]:
+        return padded(motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[: n + robot.r])))
 
-    controller: Controller
-    robot: Robot
-    start: ArrayLike  #: pose at which diagonal gains are placed, (n,)
-    _slow: Array | None = None  # low-passed motor error
-    _sum: Array | float = 0.0
-
-    def inertia(self, x: Array) -> Array:
-        """Return the joint inertia of the gains, (n, n): JᵀMJ at x, or its diagonal at start."""
-        if self.controller.gains == "inertia":
-            return joint_inertia(self.robot, x)
-        return np.diag(np.diag(joint_inertia(self.robot, self.start)))
-
-    def feed_forward(self, x: Array, rate: Array, acceleration: Array) -> Array:
-        """Return the controller's feed-forward torques of the nominal robot, (n,)."""
-        if self.controller.feed_forward == "none":
-            return np.zeros(self.robot.n)
-        moving = float(self.controller.feed_forward == "full")
-        return self.robot.inverse_dynamics(x, moving * rate, moving * acceleration)
-
-    def __call__(self, time: float, *vectors: list[float]) -> list[float]:
-        """Return the torques at the start of a control period; vectors have the core's size."""
-        own, n = self.controller, self.robot.n
-        x, rate, acceleration, q_e, _ = (np.array(vector) for vector in vectors)
-        seen = q_e[: n + self.robot.r]
-        error = motor_error(own.law, self.robot, x[:n], seen)  # type: ignore[arg-type]
-        slow = error if self._slow is None else self._slow
-        speed = own.velocity_bandwidth * (error - slow)
-        self._slow = slow + (1 - math.exp(-own.velocity_bandwidth * own.period)) * (error - slow)
-        self._sum = self._sum + own.integral * own.period * error
-        w = own.frequency
-        asked = w**2 * (error + self._sum) + 2 * own.damping * w * speed
-        fed = self.feed_forward(x[:n], rate[:n], acceleration[:n])
-        return padded(self.inertia(x[:n]) @ asked + fed)
+    return error
 
 
 def equilibrium(
@@ -79,17 +46,22 @@ def equilibrium(
     """
     from scipy.optimize import root
 
-    torques, rest = Torques(controller, robot, start), np.zeros(robot.n)
-    stiffness = controller.frequency**2 * torques.inertia(x_d) if gravity else np.eye(robot.n)
-    fed = torques.feed_forward(x_d, rest, rest) if gravity else rest
+    law: OwnLaw = controller.law  # type: ignore[assignment]
+    rest = np.zeros(robot.n)
+    if gravity:
+        inertia = gain_inertia(robot, controller, x_d, start)
+        held = controller.feed_forward != "none"
+        fed = robot.inverse_dynamics(x_d, rest, rest) if held else rest
 
     def unbalanced(x: Array) -> Array:
         q_e = truth.extended_positions(x, errors="nan")
         if not np.isfinite(q_e).all():
             return np.full(robot.n, 1e3)  # out of reach: makes the solver step back
-        error = motor_error(controller.law, robot, x_d, q_e)  # type: ignore[arg-type]
-        weight = truth.inverse_dynamics(x, rest, rest) if gravity else rest
-        return np.linalg.solve(stiffness, stiffness @ error + fed - weight)
+        error = motor_error(law, robot, x_d, q_e)
+        if not gravity:
+            return error
+        lacks = fed - truth.inverse_dynamics(x, rest, rest)
+        return error + np.linalg.solve(controller.frequency**2 * inertia, lacks)
 
     begin = truth.fkm(robot.ikm(x_d), errors="nan")
     if not np.isfinite(begin).all():

@@ -17,6 +17,7 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot.laws import usual
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.robotfile.schema import Chain
 from truepose.robotfile.to_core import padded
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
@@ -260,6 +261,11 @@ class SafetyLimits(Shown):
             ]
             raise InputError(f"safety: the path leaves box: it spans {', '.join(outside)}")
 
+    def require_started(self, rows: int, state: Array, cause: Array) -> None:
+        """Raise PoseError if the shell did not start a run of so many rows."""
+        if len(state) == 1 and (rows > 1 or STATES[state[0]] != "running"):
+            raise not_started(self.robot, cause[0])
+
     def _require_consistent(self) -> None:
         status, motor = _core.consistent(self.core, self.robot.n)
         if status <= 0:
@@ -283,16 +289,12 @@ class SafetyLimits(Shown):
 
 def _rubbing(robot: Robot, effects: Effects) -> Robot:
     """Return the robot with the effects' friction, where that exceeds the assumed one."""
-    friction = [
-        chain.coulomb_friction + of
-        for chain, of in zip(robot.spec.chain, effects.plant(robot).friction, strict=False)
-    ]
-    chains = tuple(
-        chain.model_copy(update={"coulomb_friction": max(assumed_friction(chain), of)})
-        for chain, of in zip(robot.spec.chain, friction, strict=True)
-    )
-    values = {name: p.value for name, p in robot.parameters.items()}
-    return Robot(robot.spec.model_copy(update={"chain": chains}), values)
+    more = effects.plant(robot).friction[0]  # of every motor
+
+    def rubs(chain: Chain) -> dict[str, float]:
+        return {"coulomb_friction": max(assumed_friction(chain), chain.coulomb_friction + more)}
+
+    return robot.with_each("chain", rubs)
 
 
 def _unit(kind: str, reading: str) -> str:

@@ -1,12 +1,7 @@
 """Error budget: what each tolerance and each reading contributes to the error of a pose.
 
-With m readings of σ 1, y = H_x dx + B u + ε, u the parameters in units of their σ. Q spans what H_x
-does not reach; Qᵀy of a self-calibration's poses v leaves u an information J = I + Σ BᵀQQᵀB, and
-
-    u - û = J⁻¹ u - J⁻¹ Σ BᵀQQᵀ ε_v,     dx̂ - dx = K (B (u - û) + ε),
-
-K by weighted least squares. Both are linear in independent errors: the contributions' squares are
-the variance (GUM: JCGM 100:2008, 5.1). Conditions at work are in u; no calibration depends on them.
+Errors are linear in independent errors: the contributions' squares are the variance (GUM: JCGM
+100:2008, 5.1).
 """
 
 from __future__ import annotations
@@ -16,14 +11,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truepose.arguments import Array, Errors, require
+from truepose.arguments import Array, require
 from truepose.design.criterion import USUAL, Criterion
-from truepose.design.where import AS_BUILT, Known, Use
+from truepose.design.linear import LinearErrors
+from truepose.design.where import AS_BUILT, Use
 from truepose.robot import conditions, knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, summed, unit_of
 from truepose.show.results import Shown
-from truepose.show.table import Table, number
+from truepose.show.table import Table, tabled
 from truepose.show.units import PRINT
 
 #: The source of parameters that a calibration identified: their errors are correlated.
@@ -55,23 +51,21 @@ class ErrorBudget(Shown):
 
     def table(self) -> Table:
         """Return a table with one row per source."""
-        total, rows = summed(self.robot), []
-        for one in self.contributions:
-            factor, unit = PRINT[one.unit]
-            stated = None if one.sigma is None else factor * one.sigma
-            sizes = total.factor * one.error, 100 * one.share, total.factor * one.halved
-            rows.append([one.source, unit, number(stated), *map(number, sizes)])
+        total = summed(self.robot)
         unit = PRINT[total.unit][1]
-        title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
-        header = [
-            "source",
-            "unit",
-            "its σ",
-            f"contribution ({unit})",
-            "share (%)",
-            f"error with half ({unit})",
+        rows = [
+            {
+                "source": one.source,
+                "unit": PRINT[one.unit][1],
+                "its σ": None if one.sigma is None else PRINT[one.unit][0] * one.sigma,
+                f"contribution ({unit})": total.factor * one.error,
+                "share (%)": 100 * one.share,
+                f"error with half ({unit})": total.factor * one.halved,
+            }
+            for one in self.contributions
         ]
-        return Table("budget", title, header, rows)
+        title = f"Error budget of {self.robot.name}, {self.state}: σ of the {total.name}"
+        return tabled("budget", title, rows)
 
     def _draw(self, figure: Any) -> None:
         total, shown = summed(self.robot), self.contributions[:20]
@@ -117,23 +111,22 @@ def error_budget(robot: Robot, use: Use = AS_BUILT, criterion: Criterion = USUAL
     1.0
     """
     require(robot, Robot, "robot", "truepose.load(name)")
-    over = use.over(robot)
-    model, by = _Linear(robot, over, use.known(robot)), criterion
-    every = np.ones(len(model.sources))
-    variances, *errors = model.errors(every)
+    knowledge.require_uncertain(robot)
+    over, by = use.over(robot), criterion
+    model = LinearErrors(robot, robot.sensors, over, use.known(robot))
+    variances, sources = model.variances(), _sources(model)
     whole, found = float(variances.sum()), []
-    for key in dict.fromkeys(source for source, _, _ in model.sources):
-        own = np.array([source == key for source, _, _ in model.sources])
+    for key in dict.fromkeys(source for source, _, _ in sources):
+        own = np.array([source == key for source, _, _ in sources])
         variance = float(variances[own].sum())
         if variance > 0:
-            _, *halved = model.errors(np.where(own, 0.5, 1.0))
-            own_of = [one for one in model.sources if one[0] == key and one[1] != 0]
-            stated = {(sigma, unit) for _, sigma, unit in own_of}
+            halved = model.squared(by, scale=np.where(own, 0.5, 1.0)) ** 0.5
+            acting = zip(sources, own & (variances > 0), strict=True)
+            stated = {(sigma, unit) for (_, sigma, unit), acts in acting if acts}
             sigma, unit = stated.pop() if len(stated) == 1 else (None, "")
-            error, share = variance**0.5, variance / whole
-            found.append(Contribution(key, sigma, unit, error, share, by.squared(*halved) ** 0.5))
+            found.append(Contribution(key, sigma, unit, variance**0.5, variance / whole, halved))
     found.sort(key=lambda one: -one.share)
-    error = by.squared(*errors) ** 0.5
+    error = model.squared(by) ** 0.5
     return ErrorBudget(robot, use.state, by, error, whole**0.5, found, over)
 
 
@@ -141,91 +134,27 @@ def errors_at(
     robot: Robot, poses: Array, use: Use = AS_BUILT, confidence: float | None = 0.95
 ) -> Array:
     """Return the position error at each pose, (T,), m; NaN where the robot cannot be."""
-    model = _Linear(robot, poses, use.known(robot), "nan")
-    L, N, U, _ = model.moments(np.ones(len(model.sources)))
-    V = L @ L.swapaxes(1, 2) + N
+    knowledge.require_uncertain(robot)
+    model = LinearErrors(robot, robot.sensors, poses, use.known(robot), errors="nan")
+    K, L, by_u, *_ = model.estimate()
+    V, U = L @ L.swapaxes(1, 2) + K @ K.swapaxes(1, 2), by_u[..., model.uniform]
     good, error = np.isfinite(V).all(axis=(1, 2)), np.full(len(V), np.nan)
     error[good] = np.sqrt(Criterion("worst", confidence).kept(V[good], U[good]))
     return error
 
 
-class _Linear:
-    """Errors of estimates at poses as linear functions of independent errors of σ 1."""
-
-    def __init__(self, robot: Robot, over: Array, known: Known, errors: Errors = "raise"):
-        visited, touched, reference_sigma = known
-        knowledge.require_uncertain(robot)
-        names = knowledge.learnable(robot)
-        model, level, n = robot.expected(), robot.highest_level, robot.n * len(touched)
-        stated = knowledge.stated_sigma(robot, None)
-        prior = knowledge.beside_root(knowledge.root(robot, names), conditions.sigmas(robot))
-        root = np.pad(prior, ((0, 0), (0, n)))
-
-        def rows(x: Array, when: conditions.When) -> tuple[Array, Array]:
-            H, B = knowledge.linearized(model, x, names, errors, level)
-            by = conditions.columns(model, x, model.is_full(level), when)
-            return H / stated[:, None], (np.concatenate([B, by], axis=2) / stated[:, None]) @ root
-
-        self.H, self.B = rows(over, "work")
-        H, B = rows(visited, "calibration")
-        if n:  # its pose is known, or among the unknowns
-            there, own = rows(touched, "reference")
-            own[0, :, -n:] += there[0] * np.asarray(reference_sigma)
-            H, B = np.concatenate([H, 0 * there]), np.concatenate([B, own])
-        self.earlier = H, B
-        self.columns = summed(robot).columns
-        self.uniform = np.pad(knowledge.uniform(robot, names), (0, n))
-        #: Of every error: its source, σ and unit. Parameters, conditions, the touched pose,
-        #: readings, their backlash.
-        self.sources = [_parameter(robot, name) for name in names]
-        self.sources += [(one.source, one.sigma, one.unit) for one in conditions.known(robot)]
-        self.sources += [("reference pose", None, "")] * n
-        motors, units = ["motors"] * robot.n + list(robot.sensors), reading_units(robot)
-        half = robot.backlash / 2
-        rest = np.sqrt(np.maximum(stated**2 - half**2, 0.0))
-        self.sources += [*zip(motors, rest.tolist(), units, strict=True)]
-        self.sources += [*zip(["backlash"] * len(half), half.tolist(), units, strict=True)]
-        #: (2 (n + r), n + r) share of the last errors in the variance of each reading.
-        self.parts = np.vstack([np.diag(own**2 / stated**2) for own in (rest, half)])
-        #: Share of noise in the variance of each reading.
-        self.random = knowledge.noise_share(robot)
-
-    def errors(self, scale: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the position's variance by each error, then :meth:`moments`."""
-        of_readings, seen, K, L, by_u, random = self._estimate(scale)
-        by_readings = (np.einsum("tcp,vmp->tcvm", by_u, seen) ** 2).sum(axis=2) + K**2
-        by_readings = by_readings.sum(axis=(0, 1)) / of_readings[:, 0] ** 2
-        of_sources = scale[by_u.shape[-1] :] ** 2 * (self.parts @ by_readings)
-        parts = (by_u**2).sum(axis=(0, 1)), of_sources
-        return np.concatenate(parts) / len(K), *self._moments(K, L, by_u, random)
-
-    def moments(self, scale: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the arguments of a :class:`Criterion`; `scale` multiplies each error's σ."""
-        _, _, *estimate = self._estimate(scale)
-        return self._moments(*estimate)
-
-    def _moments(
-        self, K: Array, L: Array, by_u: Array, random: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        transposed = K.swapaxes(1, 2)
-        return L, K @ transposed, by_u[..., self.uniform], K * random @ transposed
-
-    def _estimate(self, scale: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Return σ of the readings, what these show of u, K, L, the errors by u, noise's share."""
-        p = self.B.shape[-1]
-        of_u, of_readings = scale[:p], np.sqrt(scale[p:] ** 2 @ self.parts)[:, None]
-        H, B = self.H / of_readings, self.B * of_u / of_readings
-        before, earlier = self.earlier[0] / of_readings, self.earlier[1] * of_u / of_readings
-        seen = earlier - before @ (np.linalg.pinv(before) @ earlier)
-        J = np.eye(p) + np.einsum("vmp,vmk->pk", earlier, seen)
-        G = np.linalg.inv(np.linalg.cholesky(J)).T
-        L = B @ G
-        weighted = np.linalg.solve(L @ L.swapaxes(1, 2) + np.eye(len(of_readings)), H)
-        weighted = weighted.swapaxes(1, 2)
-        K = np.linalg.solve(weighted @ H, weighted)[:, self.columns]
-        L = K @ L
-        random = scale[p : p + len(self.random)] ** 2 * self.random / of_readings[:, 0] ** 2
-        return of_readings, seen, K, L, L @ G.T, random  # (T, c, p): J⁻¹ = G Gᵀ
+def _sources(model: LinearErrors) -> list[tuple[str, float | None, str]]:
+    """Return the source of every error, its σ and unit, in the order of their variances."""
+    robot = model.robot
+    sources = [_parameter(robot, name) for name in model.names]
+    sources += [(one.source, one.sigma, one.unit) for one in conditions.known(robot)]
+    sources += [("reference pose", None, "")] * (len(model.uniform) - len(sources))
+    units, readings = reading_units(robot), ["motors"] * robot.n + list(robot.sensors)
+    for names, sigma in zip(
+        (readings, ["backlash"] * len(units)), model.parts.tolist(), strict=True
+    ):
+        sources += zip(names, sigma, units, strict=True)
+    return sources
 
 
 def _parameter(robot: Robot, name: str) -> tuple[str, float | None, str]:

@@ -4,9 +4,6 @@ Measurement c is ``y = C_c u + ε`` with unknowns u and ε of unit variance. The
 ``tr(M Σ)`` with Σ⁻¹ = Σ₀⁻¹ + Σ C_cᵀC_c over the chosen ones. One more lowers it by
 
     tr(S⁻¹ H),  S = 1 + C Σ Cᵀ,  H = C Σ M Σ Cᵀ.
-
-Two products with C update every S and H after a rank-r change of Σ; no candidate stores a matrix of
-the size of the unknowns.
 """
 
 from __future__ import annotations
@@ -23,9 +20,6 @@ from truepose.arguments import Array
 ROUNDS = 8
 #: Candidates tried in exchanges: per chosen one, and at least; those with the largest gain.
 PER_CHOSEN, AT_LEAST = 5, 100
-#: Share of a variance left by one candidate below which an update would lose too many digits;
-#: everything is then recomputed.
-CANCELS = 1e-4
 #: Gain, as a share of the remaining variance, below which no exchange is made.
 NEGLIGIBLE = 1e-6
 #: Largest number of steps that tighten a bound, and the relative gap at which they end.
@@ -40,78 +34,40 @@ def posterior(information: Array, C: Array, chosen: Iterable[int]) -> Array:
 
 @dataclass(eq=False)
 class Exchange:
-    """A set of candidates, its Σ, and the effect of each of the N candidates."""
+    """A set of candidates, and the effect of each of the N candidates."""
 
     C: Array  #: (N, r, p) rows of each candidate, padded with zeros
     information: Array  #: (p, p) prior Σ⁻¹
     M: Array  #: (p, p) weights of Σ in the criterion
     chosen: list[int] = field(default_factory=list)  #: initial set
 
-    def __post_init__(self) -> None:
-        self._renew()
-
-    def _renew(self) -> None:
+    def worth(self) -> tuple[Array, float]:
+        """Return each candidate's gain, its decrease of tr(M Σ), (N,), -inf if chosen; tr(M Σ)."""
         G = posterior(self.information, self.C, self.chosen)
-        self.covariance = G @ G.T
-        F = self.C @ self.covariance
-        self._S = np.eye(self.C.shape[1]) + F @ self.C.swapaxes(1, 2)
-        self._H = (F @ self.M) @ F.swapaxes(1, 2)
-
-    def worth(self) -> Array:
-        """Return the gain of each candidate, its decrease of tr(M Σ), (N,); -inf if chosen."""
-        worth = np.trace(np.linalg.solve(self._S, self._H), axis1=1, axis2=2)
+        F = self.C @ (G @ G.T)
+        S = np.eye(self.C.shape[1]) + F @ self.C.swapaxes(1, 2)
+        worth = np.trace(np.linalg.solve(S, F @ self.M @ F.swapaxes(1, 2)), axis1=1, axis2=2)
         worth[self.chosen] = -np.inf
-        return worth
-
-    def _change(self, c: int, sign: int) -> None:
-        N, r, p = self.C.shape
-        V = self.C[c] @ self.covariance
-        middle = np.eye(r) + sign * V @ self.C[c].T
-        share = np.linalg.eigvalsh(middle)
-        if share[0] < CANCELS or share[-1] > 1 / CANCELS:
-            self._renew()
-            return
-        W = np.linalg.solve(np.linalg.cholesky(middle), V)
-        WM = W @ self.M
-        both = self.C.reshape(N * r, p) @ np.concatenate([W, WM @ self.covariance]).T
-        Z, Y = both[:, :r].reshape(N, r, r), both[:, r:].reshape(N, r, r)
-        Zt = Z.swapaxes(1, 2)
-        self._S -= sign * Z @ Zt
-        across = Y @ Zt
-        self._H += Z @ (WM @ W.T) @ Zt - sign * (across + across.swapaxes(1, 2))
-        self.covariance -= sign * W.T @ W
-
-    def add(self, c: int) -> None:
-        """Add a candidate to the set."""
-        self.chosen.append(c)
-        self._change(c, 1)
-
-    def remove(self, c: int) -> None:
-        """Remove a candidate from the set."""
-        self.chosen.remove(c)
-        self._change(c, -1)
+        return worth, float(np.vdot(self.M @ G, G))
 
     def grow(self, n: int) -> Exchange:
         """Add the candidate with the largest gain until n are chosen."""
         while len(self.chosen) < n:
-            self.add(int(self.worth().argmax()))
+            self.chosen.append(int(self.worth()[0].argmax()))
         return self
 
     def settle(self) -> Exchange:
         """Exchange candidates for better ones until none improves the set."""
-        for _ in range(ROUNDS):
-            self._renew()  # against accumulated rounding
-            swapped = False
+        swapped, rounds = True, 0
+        while swapped and rounds < ROUNDS:
+            swapped, rounds = False, rounds + 1
             for c in list(self.chosen):
-                self.remove(c)
-                worth = self.worth()
+                self.chosen.remove(c)
+                worth, left = self.worth()
                 best = int(worth.argmax())
-                left = float(np.sum(self.M * self.covariance))
                 better = worth[best] - worth[c] > NEGLIGIBLE * (left - worth[c])
-                self.add(best if better else c)
+                self.chosen.append(best if better else c)
                 swapped |= better
-            if not swapped:
-                break
         return self
 
 
@@ -169,7 +125,7 @@ def chosen_of(
         M = weights(left(best))
         pick = Exchange(C, information, M, list(begin)).grow(n)
         few = min(max(PER_CHOSEN * n, AT_LEAST), len(C) - n)
-        short = [*pick.chosen, *np.argsort(-pick.worth())[:few].tolist()]
+        short = [*pick.chosen, *np.argsort(-pick.worth()[0])[:few].tolist()]
         pick = Exchange(C[short], information, M, list(range(n))).settle()
         found = [short[k] for k in pick.chosen]
         gained = least - cost(left(found))

@@ -31,7 +31,7 @@ class PosePlan(Shown):
     random: Array  #: (20,) predicted σ of the position after n random candidates
     everything: float  #: the same after all candidates
     bound: float
-    #: lower bound of σ of the position after any n candidates; NaN with `seen` or `relative_to`
+    #: lower bound of σ of the position after any n candidates; NaN with `seen`
     longer: tuple[int, float]  #: how many further ones, with the largest gains, and σ after them
     candidates: int  #: number of reachable candidates
     left_out: int  #: number of unreachable candidates
@@ -97,33 +97,23 @@ class PosePlan(Shown):
         panels = by_unit(axes, way, "coordinate")
         figure.set_size_inches(6.4, 6.6 + 1.8 * len(panels))
         upper, middle, lower = figure.subfigures(3, 1, height_ratios=[2.6, 4, 1.8 * len(panels)])
-        sigma = {"planned": total.factor * self.sigma[:, -1]}
-        panel = {f"σ of the {total.label}": sigma}
-        (promise,) = lines(upper, range(count + 1), panel, "poses measured", ".-")
-        if count:
-            low, median, high = total.factor * np.quantile(self.random, [0, 0.5, 1])
-            span = [[median - low], [high - median]]
-            promise.errorbar([count], [median], span, fmt="o", color="C1", label="random poses")
-        asked = {f"all {self.candidates}": (self.everything, "0.5"), "target": (self.target, "C3")}
-        for name, (value, colour) in asked.items():
-            if value is not None:
-                promise.axhline(total.factor * value, color=colour, lw=0.9, ls=":", label=name)
-        promise.set_ylim(bottom=0)
-        promise.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
+        sigma = {"planned": self.sigma[:, -1], "random poses": np.median(self.random)}
+        sigma[f"all {self.candidates}"] = self.everything
+        if self.target is not None:
+            sigma["target"] = self.target
+        panel = {name: np.full(count + 1, total.factor * value) for name, value in sigma.items()}
+        promise = {f"σ of the {total.label}": panel}
+        lines(upper, range(count + 1), promise, "poses measured", ".-")[0].set_ylim(bottom=0)
         tour = middle.subplots()
         stops = way * [axis.factor for axis in axes]
-        x, y = stops[:, :2].T
-        tour.plot(x, y, color="0.75", lw=0.8)
-        third = stops[1:-1, min(2, robot.n - 1)]
-        dots = tour.scatter(x[1:-1], y[1:-1], c=third, zorder=2, s=22)
-        tour.plot(x[0], y[0], "k+", ms=10, mew=1.5)
+        tour.plot(*stops[:, :2].T, color="0.75", lw=0.8)
+        dots = tour.scatter(*stops[1:-1, :2].T, c=stops[1:-1, min(2, robot.n - 1)], zorder=2, s=22)
+        tour.plot(*stops[0, :2], "k+", ms=10, mew=1.5)
         for k, place in enumerate(stops[1:-1, :2], 1):
             tour.annotate(str(k), place, (4, 4), textcoords="offset points", fontsize=7)
         if robot.n > 2:
             middle.colorbar(dots, ax=tour, label=axes[2].label)
-        tour.set(xlabel=axes[0].label, ylabel=axes[1].label)
-        tour.set_title("Tour in its order (+: home)", fontsize=9)
-        tour.margins(0.12)
+        tour.set(xlabel=axes[0].label, ylabel=axes[1].label, title="Tour in its order (+: home)")
         lines(lower, range(len(way)), panels, "place on the tour (0 and last: home)", ".-")
         title = f"{robot.name}: {label(robot, robot.sensors)}"
         figure.suptitle(title, fontsize=10, parse_math=False)

@@ -15,13 +15,14 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import UNKNOWNS
-from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
+from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, rows_of
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
+from truepose.design.linear import gains, rows_at
 from truepose.design.pose_plan import PosePlan
 from truepose.design.refining import refined
 from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError
-from truepose.robot import conditions, knowledge
+from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
@@ -48,7 +49,6 @@ def plan_poses(
     after: Calibration | ArrayLike | Mapping[str, ArrayLike] | None = None,
     target: float | None = None,
     use: Use = AS_BUILT,
-    relative_to: ArrayLike | None = None,
     level: Level | None = None,
     seen: bool = False,
     seed: int = 0,
@@ -75,7 +75,7 @@ def plan_poses(
         Requested σ of the position, m; the plan has no more poses than it needs.
     use : Use
         Where the accuracy counts, by default on a grid over the workspace, and the reference pose.
-    relative_to, level
+    level
         As for :func:`truepose.accuracy`.
     seen : bool
         Predict the accuracy of the pose in the frame of the candidates' tracker, which is
@@ -131,15 +131,11 @@ def plan_poses(
         )
     _, touched, sigma = use.known(robot)
     rows = rows_of(robot, candidates, level, fit, touched, sigma)
-    reference = given_poses(robot, relative_to, "relative_to", one=True)
-    if seen and len(reference):
-        raise InputError("seen: refers to the tracker's frame, relative_to to the base frame")
     if seen and rows.frames is None:
         raise InputError(
             "seen: needs candidates with measured_sigma, of a tracker in a frame of its own"
         )
-    criterion = Seen if seen else Sought
-    sought = criterion(robot, rows, level, use.poses, reference)
+    sought = (Seen if seen else Sought)(robot, rows, level, use.poses)
     found, count = _chosen(sought, n, target), len(rows.steps)
     if sampled and found and not candidates.differences and not len(candidates.influences):
 
@@ -158,7 +154,7 @@ def plan_poses(
                 break
             rows, found = fewer
     rng, asked = np.random.default_rng(seed), (rows.C, rows.known)
-    more, convex = min(len(found) + MORE, len(rows.steps)), not (seen or len(reference))
+    more = min(len(found) + MORE, len(rows.steps))
     weights = sought.weights(sought.after(found))
     longer = Exchange(*asked, weights, list(found)).grow(more).chosen
     sets = [rng.permutation(count)[: len(found)].tolist() for _ in range(RANDOM)]
@@ -168,7 +164,7 @@ def plan_poses(
         sigma=np.array([sought.sigma(sought.after(found[:k])) for k in range(len(found) + 1)]),
         random=np.array([sought.left(measured) for measured in sets]),
         everything=sought.left(range(count)),
-        bound=certified(*asked, found, sought.weights, sought.cost) ** 0.5 if convex else np.nan,
+        bound=certified(*asked, found, sought.weights, sought.cost) ** 0.5 if not seen else np.nan,
         longer=(more - len(found), sought.left(longer)),
         candidates=count,
         left_out=rows.left_out,
@@ -248,46 +244,26 @@ class Sought:
     rows: Rows
     level: Level
     asked: ArrayLike | None  #: poses, (T, c); by default a grid over the workspace
-    reference: Array  #: (1, n) or (0, n) pose whose estimate is subtracted
 
     def __post_init__(self) -> None:
-        robot, rows = self.robot, self.rows
-        self._model, self._full = robot.expected(), robot.is_full(self.level)
-        names = knowledge.learnable(robot)
-        self._root = rows.root[: len(names) + len(conditions.known(robot))]
-        every = list(robot.parameters)
-        self._at = [every.index(name) for name in names]
+        robot = self.robot
         self._linear = summed(robot).columns
         given = workspace_grid(robot) if self.asked is None else self.asked
         x, _ = flattened(robot, given, robot.n, "poses", "raise")
-        good = np.isfinite(self._variance(x, self._root, self._acting(x))).all(axis=1)
+        names = knowledge.learnable(robot)
+        H, B = rows_at(robot, x, names, "work", self.level, "nan")
+        self._own = B.shape[-1]
+        good = np.isfinite(H).all(axis=(1, 2)) & np.isfinite(B).all(axis=(1, 2))
         if not good.all() and self.asked is not None:
             raise InputError(f"poses {np.flatnonzero(~good)[0]}: cannot be reached, or is singular")
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-        self.poses = x[good]
-        self._by = self._acting(self.poses)
-        self._H = self._by_parameters(self.poses, "work")
-        self._H_reference = self._by_parameters(self.reference, "reference")
+        self.poses, self._H, self._B = x[good], H[good], B[good] @ self.rows.root[: self._own]
 
-    def _by_parameters(self, x: Array, when: conditions.When) -> Array:
-        H_xi = self._model.linearize(x, level=self.level)[1][..., self._at]
-        return np.concatenate([H_xi, conditions.columns(self._model, x, self._full, when)], axis=2)
-
-    def _known(self, half: Array) -> _core.Knowledge:
-        lower = knowledge.triangular(half)
-        return knowledge.knowledge(self.robot, lower, level=self.level, at_work=True).core
-
-    def _acting(self, x: Array) -> Array | None:
-        when: dict[conditions.When, Array] = {"work": x, "reference": self.reference}
-        return conditions.together(self._model, self._full, when)
-
-    def _variance(self, x: Array, half: Array, acting: Array | None) -> Array:
-        """Return the variances (T, c) of the coordinates at poses x."""
-        P, *_ = _core.accuracy(
-            self._model.core, self._known(half), x, self.reference, self._full, acting
-        )
-        return np.diagonal(P, axis1=1, axis2=2)
+    def _errors(self, G: Array) -> tuple[Array, Array]:
+        """Return the errors of the estimates by all unknowns, (T, n, P), and by readings."""
+        K = gains(self._H, self._B @ G)
+        return K @ self._B, K
 
     def after(self, measured: Iterable[int]) -> Array:
         """Return the root G after these candidates."""
@@ -299,10 +275,9 @@ class Sought:
 
     def sigma(self, G: Array) -> Array:
         """Return σ of each coordinate and of the position, rms over the poses."""
-        return self._rms(self._variance(self.poses, self._root @ G, self._by))
-
-    def _rms(self, variance: Array) -> Array:
-        mean = variance.mean(axis=0)
+        by_unknowns, by_readings = self._errors(G)
+        errors = np.concatenate([by_unknowns @ G, by_readings], axis=2)
+        mean = (errors**2).sum(axis=2).mean(axis=0)
         return np.sqrt([*mean, mean[self._linear].sum()])
 
     def cost(self, G: Array) -> float:
@@ -310,19 +285,9 @@ class Sought:
         return float(self.sigma(G)[-1] ** 2)
 
     def weights(self, G: Array) -> Array:
-        """Return M of the optimal gains for a Σ: tr(M Σ) is the variance due to the geometry."""
-        known = self._known(self._root @ G)
-
-        def leak(x: Array, H: Array, acting: Array | None) -> Array:
-            gain, *_ = _core.gain(self._model.core, known, x, self._full, acting)
-            return (gain[:, self._linear] @ H) @ self._root
-
-        count, by = len(self.poses), self._by
-        work, there = (None, None) if by is None else (by[:count], by[count:])
-        A = leak(self.poses, self._H, work)
-        if len(self.reference):
-            A = A - leak(self.reference, self._H_reference, there)
-        return _squared(A)
+        """Return M of the optimal gains for a Σ: tr(M Σ) is the variance due to the unknowns."""
+        A = self._errors(G)[0][:, self._linear]
+        return np.tensordot(A, A, ((0, 1), (0, 1))) / len(A)
 
 
 class Seen(Sought):
@@ -331,31 +296,10 @@ class Seen(Sought):
     def __post_init__(self) -> None:
         super().__post_init__()
         assert self.rows.frames is not None
-        self._both = self.rows.root[: len(self._root) + UNKNOWNS]
-        none = np.full_like(self.poses, np.nan)
-        _, _, self._H_x, self._H_frames, *_ = _core.seen(
-            self._model.core, *self.rows.frames, self.poses, none
-        )
-        self._reading_sigma = knowledge.stated_sigma(self.robot, self.level)
+        core, none = self.robot.expected().core, np.full_like(self.poses, np.nan)
+        _, _, self._H_x, H, *_ = _core.seen(core, *self.rows.frames, self.poses, none)
+        self._frames = H @ self.rows.root[self._own : self._own + UNKNOWNS]
 
-    def _by_unknowns(self, G: Array) -> tuple[Array, Array]:
-        """Return the sensitivity of the seen pose to all unknowns and readings, optimal gains."""
-        gain, *_ = _core.gain(self._model.core, self._known(self._root @ G), self.poses, self._full)
-        by_readings = self._H_x @ np.asarray(gain)
-        both = np.concatenate([-by_readings @ self._H, self._H_frames], axis=2)
-        return both @ self._both, by_readings
-
-    def sigma(self, G: Array) -> Array:
-        """Return σ of each coordinate seen and of the position, rms over the poses."""
-        by_unknowns, by_readings = self._by_unknowns(G)
-        parts = [by_unknowns @ G, by_readings * self._reading_sigma]
-        return self._rms((np.concatenate(parts, axis=2) ** 2).sum(axis=2))
-
-    def weights(self, G: Array) -> Array:
-        """Return M of the optimal gains for a Σ, over all unknowns."""
-        return _squared(self._by_unknowns(G)[0][:, self._linear])
-
-
-def _squared(A: Array) -> Array:
-    """Return the mean of AᵀA over poses, (T, m, p)."""
-    return np.tensordot(A, A, ((0, 1), (0, 1))) / len(A)
+    def _errors(self, G: Array) -> tuple[Array, Array]:
+        by_unknowns, K = super()._errors(G)
+        return self._frames - self._H_x @ by_unknowns, self._H_x @ K

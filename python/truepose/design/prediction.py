@@ -34,7 +34,6 @@ class Prediction:
     sets: list[tuple[str, ...]]
     poses: Array  #: (P, n)
     left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
-    calibrated: bool
     sigma: dict[str, Array]  #: by state: (sets, n + 1), coordinates and position norm
     reference_pose: ArrayLike | None = None  #: (n,)
 
@@ -83,7 +82,7 @@ def predict(
         for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
             each = [accuracy(c, poses, visited, touched, level).sigma for c in candidates]
             sigma[state_of(visited, touched)] = np.sqrt((np.array(each) ** 2).mean(axis=1))
-    return Prediction(robot, sets, poses, left_out, calibrated, sigma, reference_pose)
+    return Prediction(robot, sets, poses, left_out, sigma, reference_pose)
 
 
 def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None = None) -> float:

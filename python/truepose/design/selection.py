@@ -11,11 +11,9 @@ from truepose.design.where import Use
 from truepose.robot.robot import Robot
 from truepose.robot.units import label, summed
 from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, number, tabled
 from truepose.show.units import PRINT, printed
 
-#: Least difference of prices of the sets listed in a figure, as a share of the largest price.
-_APART = 0.03
 #: One-time steps that can have a price, in the order of a robot's states.
 STEPS = ("self_calibration", "reference_pose")
 
@@ -103,61 +101,54 @@ class SensorSelection(Shown):
     def table(self) -> Table:
         """Return a table with one row per set of the front, cheapest first."""
         total = summed(self.robot)
-        sizes = {total.label: [total.factor * choice.error for choice in self.front]}
-        if self.target_angle is not None:
-            factor, unit = PRINT["rad"]
-            sizes[f"angle ({unit})"] = [factor * (one.angle or 0.0) for one in self.front]
+        factor, unit = PRINT["rad"]
+        rows = []
+        for one in self.front:
+            row: dict[str, Any] = {
+                "sensors": Cell(label(self.robot, one.sensors), ",".join(one.sensors) or "none"),
+                "price": one.price,
+                total.label: total.factor * one.error,
+            }
+            if one.angle is not None:
+                row[f"angle ({unit})"] = factor * one.angle
+            rows.append(row if self.exact else row | {"front": "greedy"})
         title = f"Sensors, {self.state}: {self.criterion.said(total.name)}; price"
         title += "" if self.exact else " (greedy choices, not proven)"
-        rows = []
-        for k, one in enumerate(self.front):
-            sensors = Cell(label(self.robot, one.sensors), ",".join(one.sensors) or "none")
-            values = (number(column[k]) for column in sizes.values())
-            rows.append([sensors, number(one.price), *values, *["greedy"] * (not self.exact)])
-        header = ["sensors", "price", *sizes, *["front"] * (not self.exact)]
-        return Table("design", title, header, rows)
+        return tabled("design", title, rows)
 
     def _draw(self, figure: Any) -> None:
         robot, total = self.robot, summed(self.robot)
         price = [choice.price for choice in self.front]
         error = [total.factor * self.counted(choice) for choice in self.front]
-        shown = [0]  # sets with labels
-        for k, choice in enumerate(self.front[1:], 1):
-            last = self.front[shown[-1]]
-            far = choice.price - last.price > _APART * max(price)
-            if far or choice.error < 0.8 * last.error or choice == self.best:
-                shown.append(k)
+        shown: list[tuple[tuple[float, float], str]] = []  # sets with labels
+        for x, y, choice in zip(price, error, self.front, strict=True):
+            if not shown or y < 0.8 * shown[-1][0][1] or choice == self.best:
+                shown.append(((x, y), label(robot, choice.sensors)))
         height = 0.14 * len(shown) + 0.15
         figure.set_size_inches(6.4, 4.4 + height)
         upper, lower = figure.subfigures(2, 1, height_ratios=(4.4, height))
-        axes, lines = upper.subplots(), []
-        style, proven = ("-", "proven") if self.exact else ("--", "greedy, not proven")
-        axes.step(price, error, style, where="post", color="C0")
-        axes.plot(price, error, "o", color="C0", ms=4, label=f"front ({proven})")
-        for k in shown:
-            place = {"xytext": (3, 4), "textcoords": "offset points"}
-            axes.annotate(str(k + 1), (price[k], error[k]), fontsize=8, **place)
-            lines.append(f"{k + 1}  {label(robot, self.front[k].sensors)}")
-        lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
+        axes = upper.subplots()
+        style, proven = ("o-", "proven") if self.exact else ("o--", "greedy, not proven")
+        axes.step(price, error, style, where="post", ms=4, label=f"front ({proven})")
+        for k, (there, _) in enumerate(shown, 1):
+            axes.annotate(str(k), there, (3, 4), textcoords="offset points", fontsize=8)
+        names = "\n".join(f"{k}  {name}" for k, (_, name) in enumerate(shown, 1))
+        lower.text(0.04, 1, names, va="top", fontsize=8, parse_math=False)
         if self.best is not None:
             there = self.best.price, total.factor * self.counted(self.best)
             axes.plot(*there, "o", color="C3", ms=9, mfc="none", label="best")
         title = f"{robot.name}, {self.state}"
         if self.target is not None:
             title += f", target {printed_errors(robot, self.target, self.target_angle)}"
-            axes.axhline(total.factor * self.target, color="C3", lw=0.9, ls=":", label="target")
+            axes.axhline(total.factor * self.target, color="C3", ls=":", label="target")
         if self.budget is not None:
             title += f", budget {self.budget:g}"
-            axes.axvline(self.budget, color="C3", lw=0.9, ls=":", label="budget")
+            axes.axvline(self.budget, color="C3", ls=":", label="budget")
         axes.set(xlabel="price (currency of the prices given)", ylabel=self.label)
         axes.set_title(title, fontsize=10, parse_math=False)
-        axes.margins(x=0.08)
-        if min(error) < 0.1 * max(error):
-            axes.set_yscale("log", subs=(2, 5))
-            axes.yaxis.set_major_formatter("{x:g}")
-            axes.yaxis.set_minor_formatter("{x:g}")
-        else:
-            axes.set_ylim(bottom=0)
+        axes.set_yscale("log", subs=(2, 5))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
         axes.grid(color="0.92", which="both")
         axes.legend(fontsize=8)
 

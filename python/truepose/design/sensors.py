@@ -5,16 +5,17 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from truepose.arguments import Array, finite, positive, require
 from truepose.design.criterion import USUAL, Criterion
+from truepose.design.linear import LinearErrors
 from truepose.design.search import Search, Set
 from truepose.design.selection import STEPS, SensorSelection, SensorSet, printed_errors
 from truepose.design.where import AS_BUILT, Known, Use, practice
-from truepose.design.worth import Worth
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
@@ -22,8 +23,6 @@ from truepose.robot.units import angles, label, summed
 
 #: Poses of a self-calibration in states that were not asked for.
 OTHERWISE = 10
-#: Whether self-calibrated, and whether referenced.
-_STATES = tuple(itertools.product((False, True), repeat=2))
 
 
 def select_sensors(
@@ -104,15 +103,13 @@ def select_sensors(
         unit = summed(robot).unit
         raise InputError(f"target_angle: {robot.name}'s coordinates are all in {unit}")
     angle = None if target is None or target_angle is None else target / target_angle
-    over = use.over(robot)
-    asked = _Asked(robot, named, once, must, survives, over, criterion, budget, target, angle)
-    known = use.known(robot)
-    state = asked.state(known)
+    over, known = use.over(robot), use.known(robot)
+    state = _State(
+        robot, named, once, must, survives, over, criterion, budget, target, angle, known
+    )
     best, bound = state.best()
-    if best is None and budget is not None:
-        raise InputError(_too_small(state, budget))
-    if best is None and target is not None:
-        raise InputError(_unreached(state, known, target))
+    if best is None and (budget or target):
+        raise InputError(state.refusal())
     exact = state.search.look_round()
     return SensorSelection(
         robot=robot,
@@ -129,123 +126,112 @@ def select_sensors(
         criterion=criterion,
         state=use.state + ", any one sensor failed" * survives,
         exact=exact,
-        steps={} if best is None else dict(asked.further(known)),
+        steps={} if best is None else dict(state.further()),
     )
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """A selection's question, for any state of the robot."""
-
-    robot: Robot
-    prices: dict[str, float]
-    once: dict[str, float]  #: prices of STEPS
-    must: Sequence[str]
-    survives: bool
-    over: Array  #: (T, c)
-    by: Criterion
-    budget: float | None
-    target: float | None
-    angle: float | None  #: error of the position, m, that an angle error of 1 rad equals
-
-    def state(self, known: Known) -> _State:
-        names = list(self.prices)
-        worth = Worth(self.robot, names, self.over, known, self.angle)
-        needed = tuple(names.index(name) for name in self.must)
-        cost = functools.partial(worth.squared, by=self.by)
-        search = Search(cost, [*self.prices.values()], needed, self.survives)
-        done = list(itertools.compress(STEPS, (len(known.visited), len(known.touched))))
-        missing = not self.once.keys() >= set(done)
-        once = None if missing else float(sum(self.once[name] for name in done))
-        return _State(self, worth, search, once)
-
-    def further(self, known: Known) -> Iterator[tuple[str, SensorSet]]:
-        """Yield states after further steps, and the best set there; none where none reaches it."""
-        for calibrated, referenced in _STATES:
-            done = (calibrated and len(known.visited)) or (referenced and len(known.touched))
-            if done or not (calibrated or referenced):
-                continue
-            more, said = known, []
-            if calibrated:
-                more = more._replace(visited=practice(self.robot, OTHERWISE))
-                said.append(f"self-calibrated on {len(more.visited)} poses")
-            if referenced:
-                more = more._replace(touched=self.robot.home[None])
-                said.append("referenced at home")
-            state = self.state(more)
-            best, _ = state.best()
-            if best is not None:
-                yield " and ".join(said), state.choice(best)
 
 
 @dataclass(frozen=True)
 class _State:
-    """The sets in one state of the robot."""
+    """A selection in one state of the robot."""
 
-    asked: _Asked
-    worth: Worth
-    search: Search
-    once: float | None  #: price of the steps that brought the robot there; None where one has none
+    robot: Robot
+    prices: dict[str, float]
+    steps: dict[str, float]  #: prices of STEPS
+    must: Sequence[str]
+    survives: bool
+    over: Array  #: (T, n)
+    by: Criterion
+    budget: float | None
+    target: float | None
+    angle: float | None  #: error of the position, m, that an angle error of 1 rad equals
+    known: Known  #: poses that brought the robot into its state
+
+    @functools.cached_property
+    def errors(self) -> LinearErrors:
+        return LinearErrors(self.robot, list(self.prices), self.over, self.known, self.angle)
+
+    @functools.cached_property
+    def search(self) -> Search:
+        must = map(list(self.prices).index, self.must)
+        cost = functools.partial(self.errors.squared, self.by)
+        return Search(cost, [*self.prices.values()], tuple(must), self.survives)
+
+    @property
+    def once(self) -> float | None:
+        """Price of the steps that brought the robot there; None where one has none."""
+        done = {*itertools.compress(STEPS, map(len, self.known[:2]))}
+        if not done <= self.steps.keys():
+            return None
+        return float(sum(self.steps[name] for name in done))
 
     def best(self) -> tuple[Set | None, float]:
         """Return the best set, if there is one, and its bound: of the error, m, or the price."""
-        asked, search = self.asked, self.search
-        if asked.budget is not None:
-            room = asked.budget - (self.once or 0.0)
+        search = self.search
+        if self.budget is not None:
+            room = self.budget - (self.once or 0.0)
             if search.spent(search.must) <= room:
                 best, squared = search.most_accurate(room)
                 return best, squared**0.5
-        elif asked.target and search.cost(range(len(search.prices))) <= asked.target**2:
-            return search.cheapest(asked.target**2)
+        elif self.target and search.cost(range(len(search.prices))) <= self.target**2:
+            return search.cheapest(self.target**2)
         return None, np.nan
 
     def choice(self, own: Set) -> SensorSet:
-        asked = self.asked
-        sensors = tuple(name for k, name in enumerate(asked.prices) if k in own)
-        squared = [self.worth.each(left, asked.by) for left in self.search.left(own)]
+        sensors = tuple(name for k, name in enumerate(self.prices) if k in own)
+        squared = [self.errors.each(self.by, left) for left in self.search.left(own)]
         error, *angle = (np.max(squared, axis=0) ** 0.5).tolist()
-        turn = angle[0] / asked.angle if angle and asked.angle else None
+        turn = angle[0] / self.angle if angle and self.angle else None
         return SensorSet(sensors, self.search.spent(own), error, turn, self.once)
 
+    def further(self) -> Iterator[tuple[str, SensorSet]]:
+        """Yield states after further steps, and the best set there; none where none reaches it."""
+        spread = practice(self.robot, OTHERWISE)
+        steps = {
+            "visited": (f"self-calibrated on {len(spread)} poses", spread),
+            "touched": ("referenced at home", self.robot.home[None]),
+        }
+        left = [key for key in steps if not len(getattr(self.known, key))]
+        for keys in [*([key] for key in reversed(left)), *[left] * (len(left) > 1)]:
+            done: dict[str, Any] = {key: steps[key][1] for key in keys}
+            state = replace(self, known=self.known._replace(**done))
+            best, _ = state.best()
+            if best is not None:
+                yield " and ".join(steps[key][0] for key in keys), state.choice(best)
 
-def _too_small(state: _State, budget: float) -> str:
-    """Return a message: what one-time steps and `must` cost."""
-    once, needed = state.once or 0.0, state.search.spent(state.search.must)
-    costs = [f"{', '.join(state.asked.must)} cost {needed:g}"] * bool(needed)
-    costs += [f"one-time steps cost {once:g}"] * bool(once)
-    return f"budget {budget:g}: too small: {', '.join(costs)}"
-
-
-def _unreached(state: _State, known: Known, target: float) -> str:
-    """Return a message: what all candidates together reach, and the cheapest step that helps."""
-    asked, names = state.asked, list(state.asked.prices)
-    together, verb = f"all {len(names)} sensors together", "reach"
-    if len(names) == 1:
-        together, verb = names[0], "reaches"
-    together += ", after the worst failure of one," * asked.survives
-    angle = None if asked.angle is None else target / asked.angle
-    wanted, reached = (
-        printed_errors(asked.robot, target, angle),
-        state.choice((*range(len(names)),)),
-    )
-    least = printed_errors(asked.robot, reached.error, reached.angle)
-    said = [f"target {wanted}: {together} {verb} {least}"]
-    if angle is not None and reached.angle is not None:
-        missed = reached.error > target, reached.angle > angle
-        limits = itertools.compress(("position", "angle"), missed)
-        said[0] += f", limited by {' and '.join(limits)}"
-    further = asked.further(known)  # those with an unknown price last
-    steps = sorted(further, key=lambda x: (x[1].once is None, x[1].price + (x[1].once or 0.0)))
-    if not steps:
-        said.append("truepose error-budget shows what limits it")
-    for name, best in steps[:1]:
-        own = f"{label(asked.robot, best.sensors)} ({best.price:g})"
-        if best.once is None:
-            said.append(f"cheapest step: {name} (no price given), with {own}")
-        else:
-            step = best.once - (state.once or 0.0)
-            said.append(f"cheapest step: {name}: {step:g}; with {own} {best.total:g} together")
-    return "; ".join(said)
+    def refusal(self) -> str:
+        """Return a message: what must be paid for, or what all candidates together reach."""
+        once = self.once or 0.0
+        if self.target is None:
+            needed = self.search.spent(self.search.must)
+            costs = [f"{', '.join(self.must)} cost {needed:g}"] * bool(needed)
+            costs += [f"one-time steps cost {once:g}"] * bool(once)
+            return f"budget {self.budget:g}: too small: {', '.join(costs)}"
+        names, reached = list(self.prices), self.choice((*range(len(self.prices)),))
+        together, verb = f"all {len(names)} sensors together", "reach"
+        if len(names) == 1:
+            together, verb = names[0], "reaches"
+        together += ", after the worst failure of one," * self.survives
+        angle = None if self.angle is None else self.target / self.angle
+        wanted, least = (
+            printed_errors(self.robot, *sizes)
+            for sizes in ((self.target, angle), (reached.error, reached.angle))
+        )
+        said = f"target {wanted}: {together} {verb} {least}"
+        if angle is not None and reached.angle is not None:
+            missed = reached.error > self.target, reached.angle > angle
+            said += (
+                f", limited by {' and '.join(itertools.compress(('position', 'angle'), missed))}"
+            )
+        # Those with an unknown price last.
+        steps = [(one.total is None, one.total or one.price, k, one) for k, one in self.further()]
+        if not steps:
+            return f"{said}; truepose error-budget shows what limits it"
+        *_, name, best = min(steps, key=lambda step: step[:2])
+        own = f"{label(self.robot, best.sensors)} ({best.price:g})"
+        if best.total is None or best.once is None:
+            return f"{said}; cheapest step: {name} (no price given), with {own}"
+        step = best.once - once
+        return f"{said}; cheapest step: {name}: {step:g}; with {own} {best.total:g} together"
 
 
 def _priced(

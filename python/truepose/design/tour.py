@@ -12,7 +12,7 @@ def tour(robot: Robot, poses: Array) -> list[int]:
     """Return the order of poses (N, n) on a near-shortest tour from home and back.
 
     Distance is the slowest motor's time by the speed limits, or else its share of the range. The
-    best nearest-neighbor tour of all starts, improved by 2-opt, is returned.
+    best of as many tours as there are poses, each improved by 2-opt, is returned.
     """
     stops = np.vstack([robot.home, np.reshape(poses, (-1, robot.n))])
     q = robot.ikm(stops, level="ideal")
@@ -20,24 +20,15 @@ def tour(robot: Robot, poses: Array) -> list[int]:
     span = np.ptp(q, axis=0)
     speed = fastest if np.isfinite(fastest).all() else np.where(span > 0, span, 1.0)
     D = np.abs((q[:, None] - q) / speed).max(axis=-1)
-    rounds = [_shortened(_nearest(D, start), D) for start in range(len(D))]
+    rounds = [_shortened(np.argsort(near), D) for near in D]
     best = min(rounds, key=lambda order: D[order, np.roll(order, -1)].sum())
     at = best.index(0)
     order = [k - 1 for k in best[at + 1 :] + best[:at]]
     return order if not order or D[0, order[0] + 1] <= D[0, order[-1] + 1] else order[::-1]
 
 
-def _nearest(D: Array, start: int) -> list[int]:
-    order, left = [start], set(range(len(D))) - {start}
-    while left:
-        order.append(min(left, key=lambda k: (D[order[-1], k], k)))
-        left.remove(order[-1])
-    return order
-
-
-def _shortened(order: list[int], D: Array) -> list[int]:
+def _shortened(at: Array, D: Array) -> list[int]:
     """Reverse the part that shortens the tour most until none does (2-opt)."""
-    at = np.array(order)
     while True:
         after = np.roll(at, -1)
         step = D[at, after]

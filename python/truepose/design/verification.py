@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -31,16 +30,12 @@ class Verification(NamedTuple):
     error: float  #: kept by the criterion's confidence, m
 
 
-def _unwatched(**_: object) -> None:
-    """Show no progress."""
-
-
 def verify(
     found: SensorSelection,
     *,
     robots: int = ROBOTS,
     seed: int = 0,
-    watch: Callable[..., None] = _unwatched,
+    watch: Callable[..., object] = lambda **_: None,
 ) -> Verification:
     """Simulate robots within the tolerances with the best set, calibrate each, estimate its poses.
 
@@ -100,6 +95,7 @@ def verify(
 
 def wilson(count: int, of: int) -> tuple[float, float]:
     """Return the 95 % interval of a share, `count` of `of` in a sample: Wilson (1927)."""
-    z = 1.959964
-    middle, half = count + z * z / 2, z * math.sqrt(count * (of - count) / of + z * z / 4)
-    return max(0.0, (middle - half) / (of + z * z)), min(1.0, (middle + half) / (of + z * z))
+    from scipy.stats import binomtest  # takes its time to import
+
+    low, high = binomtest(count, of).proportion_ci(method="wilson")
+    return float(low), float(high)

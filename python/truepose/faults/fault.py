@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import numbers
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from truepose import _core
-from truepose.arguments import require_all
+from truepose.arguments import finite, positive, require_all
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -96,28 +94,25 @@ class Fault:
     def __post_init__(self) -> None:
         if self.kind not in FAULT_KINDS:
             raise InputError(choose("kind of fault", self.kind, FAULT_KINDS))
-        row = _core.fault_kinds[self.kind]
-        self._require(
-            _finite(self.at) and self.at >= 0, "at", "must be a finite number of at least 0"
-        )
+        row, said = _core.fault_kinds[self.kind], f"{self.reading}: {self.kind}"
+        finite(f"{said}: at", self.at, 0)
         if row.size:
-            said = f"must be a finite number, {_UNITS[row.size]}"
-            self._require(_finite(self.size), "size", said)
-            least = self.kind in ("delay", "noise", "coarse", "hold") and self.size <= 0  # type: ignore[operator]
-            self._require(not least, "size", f"must be greater than 0, {_UNITS[row.size]}")
-        else:
-            self._require(self.size is None, "size", "this kind has none")
+            check = positive if self.kind in ("delay", "noise", "coarse", "hold") else finite
+            check(f"{said}: size", self.size, unit=f", {_UNITS[row.size]}")
+        elif self.size is not None:
+            raise InputError(f"{said}: size = {self.size!r}: this kind has none")
         if self.until is not None:
-            self._require(row.lasts, "until", "has no end; a bias may have one")
-            said = f"must be a finite number greater than at, {self.at}"
-            self._require(_finite(self.until) and self.until > self.at, "until", said)
-        said = "must name the reading that it is swapped with" if row.pair else "only of a swap"
-        self._require(row.pair == (self.other is not None), "other", said)
-
-    def _require(self, good: bool, name: str, must: str) -> None:
-        if not good:
-            value = getattr(self, name)
-            raise InputError(f"{self.reading}: {self.kind}: {name} = {value!r}: {must}")
+            finite(f"{said}: until", self.until)
+            if not (row.lasts and self.until > self.at):
+                must = (
+                    f"must be greater than at, {self.at}"
+                    if row.lasts
+                    else "has no end; a bias may have one"
+                )
+                raise InputError(f"{said}: until = {self.until}: {must}")
+        if row.pair != (self.other is not None):
+            must = "must name the reading that it is swapped with" if row.pair else "only of a swap"
+            raise InputError(f"{said}: other = {self.other!r}: {must}")
 
     def __str__(self) -> str:
         """Return the fault in the command line's form."""
@@ -126,68 +121,56 @@ class Fault:
         return f"{self.reading}:{self.kind}{f'={value}' if value else ''}@{self.at:.15g}{end}"
 
 
-def _finite(value: object) -> bool:
-    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    return real and math.isfinite(value)  # type: ignore[arg-type]
-
-
 def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list[_core.Fault]:
     """Check the faults against a robot and return the core's; `period` is None for statics."""
     require_all(faults, Fault, "faults")
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
-    return [core for fault in faults for core in _each(robot, fault, units, period)]
-
-
-def _each(
-    robot: Robot, fault: Fault, units: dict[str, str], period: float | None
-) -> list[_core.Fault]:
-    """Return the core's fault, or one for each reading of a frame."""
-    if fault.reading != FRAME or FRAME in units:
-        return [_of(robot, fault, units, period)]
-    row = _core.fault_kinds[fault.kind]
-    if row.pair or row.size.startswith("reading"):
-        fitting = [
-            kind
-            for kind, row in _core.fault_kinds.items()
-            if not (row.pair or row.size.startswith("reading"))
-        ]
-        raise InputError(f"fault {fault}: {choose('kind of a frame', fault.kind, fitting)}")
-    cores = [_of(robot, replace(fault, reading=name), units, period) for name in units]
-    for core in cores:
-        core.frame = True
+    of_frames = [
+        kind
+        for kind, row in _core.fault_kinds.items()
+        if not (row.pair or row.size.startswith("reading"))
+    ]
+    cores = []
+    for fault in faults:
+        frame = fault.reading == FRAME and FRAME not in units
+        if frame and fault.kind not in of_frames:
+            raise InputError(f"fault {fault}: {choose('kind of a frame', fault.kind, of_frames)}")
+        for name in units if frame else [fault.reading]:
+            core = _of(robot, replace(fault, reading=name), units, period)
+            core.frame = frame
+            cores.append(core)
     return cores
 
 
 def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None) -> _core.Fault:
-    row = _core.fault_kinds[fault.kind]
-    for name in (fault.reading, fault.other):
-        if name is not None and name not in units:
-            raise InputError(f"fault {fault}: {choose('reading', name, units)}")
-    if period is None and not row.at_rest:
-        resting = ", ".join(kind for kind, row in _core.fault_kinds.items() if row.at_rest)
-        said = f"needs time, which statics do not have (choices: {resting})"
-        raise InputError(f"fault {fault}: {said}")
-    if period is None and (fault.at or fault.until is not None):
-        raise InputError(f"fault {fault}: statics have no time: leave out at and until")
-    if period and fault.kind == "delay" and fault.size / period > _core.most_late:  # type: ignore[operator]
-        raise InputError(
-            f"fault {fault}: at most {_core.most_late} control periods of {period:g} s"
-        )
+    row, resting = _core.fault_kinds[fault.kind], period is None
+
+    def require(good: bool, why: str) -> None:
+        if not good:
+            raise InputError(f"fault {fault}: {why}")
+
+    for name in filter(None, (fault.reading, fault.other)):
+        require(name in units, choose("reading", name, units))
+    still = ", ".join(kind for kind, row in _core.fault_kinds.items() if row.at_rest)
+    needs = f"needs time, which statics do not have (choices: {still})"
+    require(row.at_rest or not resting, needs)
+    timed = fault.at or fault.until is not None
+    require(not (resting and timed), "statics have no time: leave out at and until")
     core = _core.Fault()
-    core.kind, core.reading = row.kind, robot.readings.index(fault.reading)
-    core.begin = fault.at
+    core.kind, core.reading, core.begin = row.kind, robot.readings.index(fault.reading), fault.at
     if fault.size is not None:
         core.size = fault.size
+    if period and fault.kind == "delay":
+        most = f"at most {_core.most_late} control periods of {period:g} s"
+        require(core.size / period <= _core.most_late, most)
     if fault.kind == "coarse":
         core.count = float(robot.resolution[core.reading])
-        if not core.count > 0:
-            raise InputError(f"fault {fault}: this reading has no counts; use noise")
+        require(core.count > 0, "this reading has no counts; use noise")
     if fault.until is not None:
         core.end = fault.until
     if fault.other is not None:
-        if fault.other == fault.reading or units[fault.other] != units[fault.reading]:
-            own = units[fault.reading]
-            fitting = [n for n, unit in units.items() if unit == own and n != fault.reading]
-            raise InputError(f"fault {fault}: {choose('other reading', fault.other, fitting)}")
+        own = units[fault.reading]
+        fitting = [n for n, unit in units.items() if unit == own and n != fault.reading]
+        require(fault.other in fitting, choose("other reading", fault.other, fitting))
         core.other = robot.readings.index(fault.other)
     return core

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Level, require
+from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.faults.parity import gate, parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units

@@ -14,9 +14,9 @@ from truepose import _core
 from truepose.arguments import Array, Level, require, whole
 from truepose.calibration import bound
 from truepose.calibration.learnt import calibrated
+from truepose.calibration.parity import Parity, detectable, parity, unexplained
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.faults.parity import Parity, detectable, parity, unexplained
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.laws import Law
@@ -288,9 +288,7 @@ def detectability(
 
 def _smallest(length: float, square: Array) -> Array:
     """Return the smallest b with b² g² = length², inf where there is none."""
-    if np.isinf(length):
-        return np.full(square.shape, np.inf)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # inf / inf: of a reading from itself
         return length / np.sqrt(square)
 
 

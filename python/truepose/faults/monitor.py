@@ -143,28 +143,20 @@ class FaultMonitor:
             np.pad(of, (0, 16 - len(of))).tolist()
             for of in (_fastest(finest), moved, *_range(robot))
         )
-        monitor.growth = self._growth()
+        effects, warm_up = self.effects or Effects(), self.warm_up
+        if warm_up is None:
+            warm_up = self.effects.warm_up if self.effects else 0.0
+        rates = effects.base_expansion, effects.arm_expansion, effects.rod_expansion
+        monitor.growth = [warm_up * rate for rate in rates]  # of base, arms, rods: shares
         settings = _core.FaultTolerantSettings()
-        settings.momentum = self._momentum(robot, controller)
+        start = controller.settings(robot, robot.home)
+        momentum = _core.default_momentum(robot.core, start)[0]  # off without torque limits
+        momentum.carry = self.carry
+        settings.momentum = momentum
         settings.monitor, settings.stop, settings.stop_lost = monitor, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
         return _core.FaultTolerantSetup(finest.core, known, settings, slow)
-
-    def _growth(self) -> list[float]:
-        """Return the largest growth of base, arms and rods, as shares of their sizes."""
-        effects = self.effects or Effects()
-        warm_up = self.warm_up
-        if warm_up is None:
-            warm_up = 0.0 if self.effects is None else effects.warm_up
-        rates = effects.base_expansion, effects.arm_expansion, effects.rod_expansion
-        return [warm_up * rate for rate in rates]
-
-    def _momentum(self, robot: Robot, controller: Controller) -> _core.MomentumSettings:
-        """Return the settings of the momentum observer; it is off without torque limits."""
-        momentum, _, _ = _core.default_momentum(robot.core, controller.settings(robot, robot.home))
-        momentum.carry = self.carry
-        return momentum
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3

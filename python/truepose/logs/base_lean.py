@@ -36,20 +36,6 @@ def columns(robot: Robot, names: Iterable[str], where: str) -> list[str]:
     return wanted
 
 
-def require_read(values: Array, names: list[str], lines: Array, at: str) -> None:
-    """Refuse a lean, (N, 2), that was not read, or is in degrees; `at` is for messages."""
-    for name, column in zip(names, values.T, strict=True):
-        if (rows := np.flatnonzero(np.isnan(column))).size:
-            shown = ", ".join(str(line) for line in lines[rows[:5]])
-            more = f", … {len(rows) - 5} more" if len(rows) > 5 else ""
-            raise InputError(f"{at} {shown}{more}: {name}: not read; every line needs the lean")
-        if (rows := np.flatnonzero(np.abs(column) > MOST)).size:
-            raise InputError(
-                f"{at} {lines[rows[0]]}: {name} = {column[rows[0]]:g}: must be within ±45° "
-                f"(±{MOST:.3g} rad); in degrees?"
-            )
-
-
 def corrected(robot: Robot, readings: Array, leans: Array) -> Array:
     """Return readings, (N, n + r), with inclinometers as on an upright base.
 

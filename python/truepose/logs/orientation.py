@@ -9,7 +9,6 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
-from truepose.robot import frames
 from truepose.robot.description import Description
 
 VECTOR = ("measured_rx", "measured_ry", "measured_rz")
@@ -67,18 +66,10 @@ def of_euler(angles: Array, order: str) -> Array:
 
     `order` "ZYX" is R = R_z(yaw) R_y(pitch) R_x(roll), as is "xyz".
     """
-    order = order if order.isupper() else order[::-1].upper()
-    each = (frames.rotation(angles[:, [k]] * np.eye(3)[k]) for k in map("XYZ".index, order))
-    first, second, third = each
-    return frames.rotation_vector(first @ second @ third)
+    from scipy.spatial.transform import Rotation  # takes its time to import
 
-
-def of_quaternions(q: Array) -> Array:
-    """Return rotation vectors, (N, 3), of unit quaternions, (N, 4), the scalar last."""
-    q = q * np.where(q[:, 3:] < 0, -1.0, 1.0)
-    size = np.linalg.norm(q[:, :3], axis=1, keepdims=True)
-    factor = np.where(size > 0, 2 * np.arctan2(size, q[:, 3:]) / np.where(size > 0, size, 1), 2)
-    return np.asarray(q[:, :3] * factor)
+    columns = angles[:, ["XYZ".index(axis) for axis in order.upper()]]
+    return np.asarray(Rotation.from_euler(order, columns).as_rotvec())
 
 
 def vectors(values: Array, names: tuple[str, ...], order: str, lines: Array, at: str) -> Array:
@@ -99,5 +90,7 @@ def vectors(values: Array, names: tuple[str, ...], order: str, lines: Array, at:
         raise InputError(
             f"{at} {lines[rows[0]]}: {shown}: a quaternion of length {size[rows[0]]:.4g}, must be 1"
         )
-    result[read] = of_quaternions(values[read])
+    from scipy.spatial.transform import Rotation
+
+    result[read] = Rotation.from_quat(values[read]).as_rotvec()
     return result

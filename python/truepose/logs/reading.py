@@ -142,7 +142,7 @@ def read(
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
     """Read columns of any CSV file: numbers (N, k), no cell empty, and their lines."""
     cells = texts(path, names)
-    return np.column_stack([cells.numbers(n, empty=False) for n in names]), cells.lines
+    return cells.full(names), cells.lines
 
 
 def texts(path: str | Path, names: Sequence[str]) -> Cells:
@@ -182,7 +182,7 @@ def read_samples(robot: Robot, path: Path) -> tuple[Array | None, Array]:
 def _poses(robot: Robot, path: Path) -> tuple[Cells, Array]:
     names = [name for name, _ in robot.coordinates]
     cells = texts(path, names)
-    return cells, np.column_stack([cells.numbers(name, empty=False) for name in names])
+    return cells, cells.full(names)
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
@@ -274,6 +274,10 @@ class Cells(NamedTuple):
             self._refuse(k, name, f"'{one_line(column[k], 60)}': must be a {must}")
         return values
 
+    def full(self, names: Sequence[str]) -> Array:
+        """Return columns without an empty cell as floats, (N, k)."""
+        return np.column_stack([self.numbers(name, empty=False) for name in names])
+
     def _number(self, cell: Any, line: int, name: str, must: str) -> float:
         if cell is None or str(cell).strip().lower() in _EMPTY:
             return np.nan
@@ -302,18 +306,6 @@ class Cells(NamedTuple):
         nothing = np.full(len(self.lines), np.nan)
         found = [self.numbers(name) if name in self.columns else nothing for name in names]
         return np.column_stack(found) if np.isfinite(found).any() else None
-
-    def _turned(
-        self, names: tuple[str, ...], measured: Array | None, n: int, euler: str | None
-    ) -> tuple[Array, Array | None, str]:
-        """Return measurements, (N, n), with orientations of `names`, the angles, and their form."""
-        values = np.column_stack([self.numbers(name) for name in names])
-        angles = names == orientation.EULER
-        form = orientation.require(euler) if angles else "quaternion"
-        measured = np.full((len(values), n), np.nan) if measured is None else measured
-        at = f"{self.where}: {self.word}"
-        measured[:, 3:] = orientation.vectors(values, names, form, self.lines, at)
-        return measured, values if angles else None, form
 
     def log(
         self, robot: Robot, worth: Mapping[str, str] | None = None, euler: str | None = None
@@ -360,11 +352,19 @@ class Cells(NamedTuple):
         measured, sigma = self.block(outside), self.block(sigmas)
         angles, form = None, ""
         if turned:
-            measured, angles, form = self._turned(turned, measured, robot.n, euler)
+            values = np.column_stack([self.numbers(name) for name in turned])
+            angles = values if turned == orientation.EULER else None
+            form = "quaternion" if angles is None else orientation.require(euler)
+            measured = np.full((len(values), robot.n), np.nan) if measured is None else measured
+            at = f"{where}: {self.word}"
+            measured[:, 3:] = orientation.vectors(values, turned, form, self.lines, at)
         implied = leans = None
         if leaning:
             leans = np.column_stack([self.numbers(name) for name in leaning])
-            base_lean.require_read(leans, leaning, self.lines, f"{where}: {self.word}")
+            for k, column in np.argwhere(~(np.abs(leans) <= base_lean.MOST)):
+                shown = f"{leans[k, column]:g}".replace("nan", "not read")
+                must = f"every line needs a lean within ±45° (±{base_lean.MOST:.3g} rad)"
+                self._refuse(k, leaning[column], f"{shown}: {must}; in degrees?")
             readings = base_lean.corrected(robot, readings, leans)
         if POSTURE in labels:
             measured, sigma, implied = flat(robot, labels[POSTURE], measured, sigma, leans)

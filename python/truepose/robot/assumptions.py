@@ -48,21 +48,20 @@ def told_exact(names: list[str]) -> str:
 
 def known_exactly(robot: Robot) -> str:
     """Return the parameters without a tolerance, by part: chain*: gain, …; wire1: gain, origin."""
-    every: dict[str, dict[str, list[bool]]] = {}
-    for name, one in robot.parameters.items():
-        part, key, *component = name.split(".")
-        exact = every.setdefault(part, {}).setdefault(key, [])
-        exact.append(one.sigma == 0)
-        if component and one.sigma == 0:
-            every[part].setdefault(f"{key}.{component[0]}", [True])
+    split = [(*name.partition(".")[::2], one.sigma) for name, one in robot.parameters.items()]
+    stem_of = {part: part.rstrip("0123456789") for part, _, _ in split}
     lists: dict[tuple[str, str], list[str]] = {}
-    for part, keys in every.items():
-        whole = {key for key, exact in keys.items() if all(exact) and "." not in key}
-        kept = [key for key, exact in keys.items() if all(exact)]
-        kept = [key for key in kept if key in whole or key.partition(".")[0] not in whole]
-        if kept:
-            lists.setdefault((part.rstrip("0123456789"), ", ".join(kept)), []).append(part)
-    stems = [part.rstrip("0123456789") for part in every]
+    for part, stem in stem_of.items():
+        sigmas = {key: sigma for of, key, sigma in split if of == part}
+        known: dict[str, None] = {}
+        for key, sigma in sigmas.items():
+            whole = key.partition(".")[0]
+            exact = not any(of for name, of in sigmas.items() if name.partition(".")[0] == whole)
+            if sigma == 0:
+                known[whole if exact else key] = None
+        if known:
+            lists.setdefault((stem, ", ".join(known)), []).append(part)
+    stems = list(stem_of.values())
     return "; ".join(
         f"{f'{stem}*' if 1 < len(parts) == stems.count(stem) else ', '.join(parts)}: {keys}"
         for (stem, keys), parts in lists.items()
@@ -77,12 +76,8 @@ class Spread(NamedTuple):
     values: dict[str, float]  #: nominal, by name
     unit: str  #: m, rad, …
     worst: str  #: parameter with the largest share
+    deviation: float  #: the larger of σ and of the mean's distance from nominal
     share: float  #: of the deviation in :func:`_scale`
-
-    @property
-    def deviation(self) -> float:
-        """The larger of σ and of the mean's distance from nominal."""
-        return max(self.tolerance.deviation, abs(self.tolerance.mean))
 
 
 def spreads(robot: Robot) -> list[Spread]:
@@ -94,8 +89,9 @@ def spreads(robot: Robot) -> list[Spread]:
         scales = {name: _scale(robot, nominal, name) for name in values}
         if values:
             worst = min(scales, key=scales.__getitem__)
-            one = Spread(glob, of, values, unit_of(robot, worst), worst, 0.0)
-            found.append(one._replace(share=one.deviation / scales[worst]))
+            most = max(of.deviation, abs(of.mean))
+            unit = unit_of(robot, worst)
+            found.append(Spread(glob, of, values, unit, worst, most, most / scales[worst]))
     return sorted(found, key=lambda one: -one.share)
 
 

@@ -27,7 +27,7 @@ from truepose.robotfile.to_core import padded
 #: Maximum fixed-point steps; each shrinks by about the strain and the tension's rate of change.
 STEPS = 50
 #: Step that ends the iteration, and step that counts as converged; m, rad.
-CLOSED, CLOSE = 1e-13, 1e-9
+CLOSED, CLOSE = 1e-12, 1e-9
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -169,25 +169,20 @@ def at_rest(
     if not robot.is_compliant:
         return answer(readings, None)
     x, status, chain = (np.array(of) for of in answer(readings, None))
-    open_ = np.flatnonzero(status <= 0)
-    last = np.full(len(x), math.inf)
+    step = np.full(len(x), math.inf)
     for _ in range(STEPS):
+        open_ = np.flatnonzero((status <= 0) & (step > CLOSED))
         if not len(open_):
             break
         of_open = {name: values[open_] for name, values in loads.items()}
         by = given_way(robot, x[open_], full, **of_open)
-        next_, status[open_], chain[open_] = answer(
-            readings[open_] - by.readings[:, : readings.shape[1]], x[open_]
-        )
+        stiff = readings[open_] - by.readings[:, : readings.shape[1]]
+        next_, status[open_], chain[open_] = answer(stiff, x[open_])
         lost = by.status > 0
         status[open_[lost]], chain[open_[lost]] = by.status[lost], by.chain[lost]
-        step = np.abs(next_ - x[open_]).max(axis=1)
+        step[open_] = np.abs(next_ - x[open_]).max(axis=1)
         x[open_] = next_
-        # Within rounding, steps no longer shrink.
-        done = (step < CLOSED) | ((step < 10 * CLOSED) & (step >= last[open_]))
-        last[open_] = step
-        open_ = open_[~done & (status[open_] <= 0)]
-    crawls = open_[~(last[open_] < CLOSE)]
+    crawls = (status <= 0) & ~(step < CLOSE)
     status[crawls], chain[crawls] = _core.not_converged, -1
     x[status > 0] = np.nan
     return x, status, chain

@@ -9,7 +9,7 @@ its part; payload and temperature gradients appear after it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
@@ -22,6 +22,7 @@ from truepose.robot import compliance
 from truepose.robot.compliance import under_load
 from truepose.robot.description import Description
 from truepose.robot.kinematics import Kinematics
+from truepose.robot.units import rounded
 from truepose.robotfile import to_core
 from truepose.robotfile.schema import Conditions
 from truepose.show.table import number
@@ -126,7 +127,7 @@ def columns(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Arr
     loaded: dict[str, Array] = {}
     if when == "work" and (section := robot.spec.conditions) and section.payload[1] > 0:
         regular = x[np.isfinite(H_xi).all(axis=(1, 2))]
-        require_torques(robot, x)
+        require_torques(robot, section, x)
         require_small(robot, regular, full)
         loaded = _by_payload(robot, x, full, section)
     for k, name in enumerate(names):
@@ -169,10 +170,7 @@ def under(robot: AnyRobot, amounts: Mapping[str, float]) -> AnyRobot:
     centre = tuple((np.array(section.payload_centre) + off).tolist())
     held = section.model_copy(update={"payload": (mass, mass), "payload_centre": centre})
     warm = robot.replace(dict(zip(robot.parameters, every.tolist(), strict=True)))
-    return type(robot)(
-        robot.spec.model_copy(update={"conditions": held}),
-        {name: p.value for name, p in warm.parameters.items()},
-    )
+    return warm.with_file(conditions=held)
 
 
 def sampled(robot: AnyRobot, seed: int | np.random.SeedSequence) -> tuple[AnyRobot, AnyRobot]:
@@ -185,18 +183,15 @@ def sampled(robot: AnyRobot, seed: int | np.random.SeedSequence) -> tuple[AnyRob
     return under(robot, common), under(robot, amounts)
 
 
-def require_torques(robot: Kinematics, x: Array) -> None:
+def require_torques(robot: Kinematics, section: Conditions, x: Array) -> None:
     """Raise InputError where a motor cannot hold the largest payload at rest."""
-    section, limits = robot.spec.conditions, [c.torque_limit or np.inf for c in robot.spec.chain]
-    if section is None:
-        return
+    limits = robot.torque_limit
     low, high = section.payload
-    one = _body(1.0, section.payload_centre)
-    rest = np.zeros_like(x)
-    held, *_ = _core.inverse_dynamics(robot.core, x, rest, rest)
-    more = _core.inverse_dynamics(_with(robot, one), x, rest, rest)[0] - held
+    rest, loaded = np.zeros_like(x), _with(robot, 1.0, section.payload_centre)
+    held, more = (_core.inverse_dynamics(c, x, rest, rest)[0] for c in (robot.core, loaded))
+    more = more - held
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = (np.array(limits) - np.sign(more) * held) / np.abs(more) + (low + high) / 2
+        room = (limits - np.sign(more) * held) / np.abs(more) + (low + high) / 2
     room = np.where(np.isfinite(room), room, np.inf)
     if (most := room.min()) < high:
         k, motor = np.unravel_index(room.argmin(), room.shape)
@@ -204,9 +199,9 @@ def require_torques(robot: Kinematics, x: Array) -> None:
         unit = "N·m" if robot.spec.chain[motor].actuator == "revolute" else "N"
         raise InputError(
             f"{robot.name}: payload {high:g} kg: motor q{motor + 1} needs "
-            f"{_three_digits(abs(needed), math.ceil)} {unit} at rest at {_pose(x[k])}, "
+            f"{rounded(abs(needed), math.ceil)} {unit} at rest at {_pose(x[k])}, "
             f"torque_limit is {limits[motor]:g} {unit}: it holds "
-            + (f"{_three_digits(most, math.floor)} kg" if most > 0 else "no payload")
+            + (f"{rounded(most, math.floor)} kg" if most > 0 else "no payload")
         )
 
 
@@ -219,7 +214,7 @@ def require_small(robot: Kinematics, x: Array, full: bool) -> None:
         return
     section = robot.spec.conditions or Conditions()
     low, high = section.payload
-    core = _with(robot, _body((high - low) / 2, section.payload_centre))
+    core = _with(robot, (high - low) / 2, section.payload_centre)
     at, n = under_load(robot, x, False, core), robot.n
     strain = np.abs(at.tension * robot.compliance)
     turn = np.abs(at.by_compliance[:, range(n), range(n, 2 * n)] * robot.arm_compliance)
@@ -245,25 +240,13 @@ def _pose(x: Array) -> str:
     return f"({', '.join(f'{v:.4g}' for v in x)})"
 
 
-def _three_digits(value: float, towards: Callable[[float], int]) -> str:
-    """Format a positive number, rounded by `towards` as the message needs it."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return number(towards(value / step) * step)
-
-
-def _body(mass: float, centre: ArrayLike) -> _core.Body:
-    body = _core.Body()
-    body.mass, body.pivot = mass, np.array(centre)
-    return body
-
-
 def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) -> dict[str, Array]:
     """Return the derivatives of the readings by the payload's mass and centre, (N, n + r)."""
     usual = under_load(robot, x, full).readings
 
     def by_one(off: Array) -> Array:
-        one = _body(1.0, np.array(section.payload_centre) + off)
-        return under_load(robot, x, full, _with(robot, one)).readings - usual
+        loaded = _with(robot, 1.0, np.array(section.payload_centre) + off)
+        return under_load(robot, x, full, loaded).readings - usual
 
     result = {"payload": by_one(np.zeros(3))}
     low, high = section.payload
@@ -273,9 +256,9 @@ def _by_payload(robot: Kinematics, x: Array, full: bool, section: Conditions) ->
     return result
 
 
-def _with(robot: Kinematics, body: _core.Body) -> _core.Robot:
+def _with(robot: Kinematics, mass: float, centre: ArrayLike) -> _core.Robot:
     core = robot.core.without_limits()
-    core.add_body(body)
+    to_core.add_body(core, mass, centre)
     core.finish()
     return core
 

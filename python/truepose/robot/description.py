@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -147,7 +147,7 @@ class Description:
         True
         """
         self.is_full(level)
-        return self if level == self.spec.level else self._with(level=level)
+        return self if level == self.spec.level else self.with_file(level=level)
 
     @functools.cached_property
     def at_highest_level(self) -> Self:
@@ -164,8 +164,39 @@ class Description:
             raise InputError(f"{self.name}: level='full': {self.full.reason}")
         return level == "full"
 
-    def _with(self, **changes: Any) -> Self:
-        return type(self)(self.spec.model_copy(update=changes), self._values)
+    def with_file(self, **keys: Any) -> Self:
+        """Return a copy with other keys of its robot file, which are not checked.
+
+        Parameter values other than the file's are kept.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> tp.load("h4").with_file(tolerances={}).parameters["chain1.rod"].sigma
+        0.0
+        """
+        given = self._nominal | self.spec.parameters
+        own = {name: v for name, v in self._values.items() if v != given[name]}
+        return type(self)(self.spec.model_copy(update=keys), own)
+
+    def with_each(
+        self, table: Literal["chain", "sensor"], change: Callable[[Any], dict[str, Any]]
+    ) -> Self:
+        """Return a copy with other keys of every chain or sensor: those that `change` returns.
+
+        As :meth:`with_file`.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> weak = tp.load("h4").with_each("chain", lambda chain: {"torque_limit": 9.0})
+        >>> weak.spec.chain[0].torque_limit
+        9.0
+        """
+        parts = getattr(self.spec, table)
+        return self.with_file(
+            **{table: tuple(part.model_copy(update=change(part)) for part in parts)}
+        )
 
     @property
     def loose(self) -> bool:
@@ -202,6 +233,11 @@ class Description:
     def backlash(self) -> Array:
         """Whole width of every reading's backlash, shape (n + r,)."""
         return np.array([part.backlash for part in (*self.spec.chain, *self.spec.used)])
+
+    @property
+    def torque_limit(self) -> Array:
+        """Largest torque of every motor, N·m (slides: N), shape (n,); inf without a limit."""
+        return np.array([chain.torque_limit or np.inf for chain in self.spec.chain])
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -320,18 +356,17 @@ class Description:
         >>> robot.parameters["wire1.origin.x"].mean
         0.1
         """
-        sensors = []
-        for sensor in self.spec.sensor:
-            vectors = {
+
+        def mounted(sensor: Any) -> dict[str, Any]:
+            return {
                 key: tuple(
                     places.get(f"{sensor.name}.{key}.{axis}", value)
                     for axis, value in zip("xyz", getattr(sensor, key), strict=True)
                 )
                 for key in sensor.mounting.values()
             }
-            sensors.append(sensor.model_copy(update=vectors))
-        own = {name: v for name, v in self._values.items() if v != self._nominal[name]}
-        return type(self)(self.spec.model_copy(update={"sensor": tuple(sensors)}), own)
+
+        return self.with_each("sensor", mounted)
 
     def with_calibration(self, calibration: CalibrationSection | None) -> Self:
         """Return a copy with a calibration's parameter covariance, or with the prior's (None)."""
@@ -358,11 +393,11 @@ class Description:
         chosen = selected("sensor", names, [sensor.name for sensor in self.spec.sensor])
         if len(set(chosen)) < len(chosen):
             raise InputError(f"a sensor is named twice: {', '.join(chosen)}")
-        return self._with(sensors=chosen)
+        return self.with_file(sensors=chosen)
 
     def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
         """Return a copy under another gravity, m/s², base frame; for inclinometers 0 is along z."""
-        return self._with(gravity=_vector("gravity", gravity, "m/s²"))
+        return self.with_file(gravity=_vector("gravity", gravity, "m/s²"))
 
     def with_payload(self, force: ArrayLike) -> Self:
         """Return a copy with another load, N, on the platform's reference point, base frame.
@@ -378,7 +413,7 @@ class Description:
         """
         table = self.spec.compliance or Compliance()
         load = {"load": _vector("load", force, "N")}
-        return self._with(compliance=table.model_copy(update=load))
+        return self.with_file(compliance=table.model_copy(update=load))
 
     def with_conditions(self, **keys: Any) -> Self:
         """Return a copy under uncertain conditions at work.
@@ -398,17 +433,17 @@ class Description:
         >>> bool(cold.rms < warm.rms)
         True
         """
-        chain = self.spec.chain
+        robot = self
         if (backlash := keys.pop("backlash", None)) is not None:
             finite("backlash", backlash, 0)
-            chain = tuple(one.model_copy(update={"backlash": float(backlash)}) for one in chain)
+            robot = self.with_each("chain", lambda _: {"backlash": float(backlash)})
         own = (self.spec.conditions or Conditions()).model_dump()
         section = robotfile.reading.section(Conditions, "conditions", own | keys, self.name)
-        return self._with(conditions=section, chain=chain)
+        return robot.with_file(conditions=section)
 
     def without_quantization(self) -> Self:
         """Return a copy with unquantized encoders and sensors."""
-        return self._with(quantized=False)
+        return self.with_file(quantized=False)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -139,10 +139,15 @@ def model_error(robot: Kinematics) -> Array:
     if not errors or box is None:
         return np.zeros(robot.n + robot.r)
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
+    off = full_less_ideal(robot, poses, errors)
+    return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
+
+
+def full_less_ideal(robot: Kinematics, poses: Array, errors: Mapping[str, float]) -> Array:
+    """Return the difference of readings by such an error of each parameter, (N, n + r, p)."""
     levels: tuple[Level, ...] = ("full", "ideal")
     full, ideal = (linearized(robot, poses, [*errors], "nan", level)[1] for level in levels)
-    off = (full - ideal) * np.array(list(errors.values()))
-    return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
+    return (full - ideal) * np.array(list(errors.values()))
 
 
 class Known(NamedTuple):

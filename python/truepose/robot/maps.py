@@ -9,7 +9,7 @@ from truepose.exceptions import InputError
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_axes, label, label_axes
-from truepose.robot.workspace import LENGTH, condition_numbers, workspace
+from truepose.robot.workspace import condition_numbers, workspace
 
 #: Values above so many times the median have the colour of that multiple.
 _MOST = 3.0
@@ -27,13 +27,13 @@ def workspace_slice(robot: Kinematics, points: int = 101) -> Array:
     return x
 
 
-def condition_map(robot: Robot, length: float = LENGTH, points: int = 101) -> tuple[Array, Array]:
+def condition_map(robot: Robot, points: int = 101) -> tuple[Array, Array]:
     """Return poses of a :func:`workspace_slice` and the condition number of J, NaN if singular."""
     x = workspace_slice(robot, points)
     J = robot.jacobian(x, errors="nan")
     condition = np.full((points, points), np.nan)
     regular = np.isfinite(J).all(axis=(2, 3))
-    condition[regular] = condition_numbers(robot, J[regular], length)
+    condition[regular] = condition_numbers(robot, J[regular])
     return x, condition
 
 

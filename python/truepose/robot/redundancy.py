@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from truepose.arguments import Array
 from truepose.robot.description import Description
-from truepose.robot.units import coordinate_axes, label_axes
+from truepose.robot.units import coordinate_axes
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 
@@ -49,10 +49,6 @@ class AssemblyModes:
         """
         once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
         return len(self) + once * (once - 1) / (2 * (twice + 1))
-
-
-#: Least size of the largest ellipse in the picture; smaller ones are magnified.
-_SHARE = 0.04
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,44 +102,17 @@ class Estimate(Shown):
         return Table("estimate", f"{self.robot.name}: estimated poses", header, rows)
 
     def _draw(self, figure: Any) -> None:
-        """Draw the first two coordinates and their ellipses; a single one over the pose number.
-
-        Poses with NaN are excluded. Ellipses too small to see are magnified by a power of ten given
-        in the title.
-        """
-        from matplotlib.patches import Ellipse
-        from matplotlib.ticker import MaxNLocator
-
-        n, names = self.robot.n, coordinate_axes(self.robot)[:2]
-        scale = np.array([axis.factor for axis in names])
-        x = scale * self.x.reshape(-1, n)[:, :2]
-        P = np.outer(scale, scale) * self.covariance.reshape(-1, n, n)[:, :2, :2]
-        good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
-        x, P = x[good], P[good]
-        figure.set_size_inches(5.6, 5.0)
-        axes = figure.subplots()
-        axes.grid(alpha=0.3)
-        if x.shape[1] == 1:
-            colours = {"color": "#1f5fa8", "ecolor": "#b2182b"}
-            axes.errorbar(
-                np.flatnonzero(good) + 1, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", **colours
-            )
-            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
-            return
-        axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
-        if len(x):
-            variance, directions = np.linalg.eigh(P)
-            half = np.sqrt(np.maximum(variance, 0.0))
-            largest, span = float(half.max()), float(np.ptp(x, axis=0).max())
-            small = 0 < largest < _SHARE * span
-            by = 10.0 ** np.ceil(np.log10(_SHARE * span / largest)) if small else 1.0
-            turns = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
-            for at, (small, large), turn in zip(x, 2 * by * half, turns, strict=True):
-                ellipse = Ellipse(
-                    tuple(at), large, small, angle=turn, fc="none", ec="#b2182b", lw=0.8
-                )
-                axes.add_patch(ellipse)
-            axes.autoscale_view()
-            axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
-        label_axes(axes, names)
+        """Draw each coordinate ± one σ over the pose's number."""
+        n = self.robot.n
+        sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1)).reshape(-1, n)
+        every = figure.subplots(n, sharex=True, squeeze=False)[:, 0]
+        named = zip(
+            every, coordinate_axes(self.robot), self.x.reshape(-1, n).T, sigma.T, strict=True
+        )
+        for axes, of, x, spread in named:
+            poses = np.arange(1, len(x) + 1)
+            axes.errorbar(poses, of.factor * x, of.factor * spread, fmt=".", ecolor="#b2182b")
+            axes.set_ylabel(of.label)
+            axes.grid(alpha=0.3)
+        every[-1].set_xlabel("pose")
+        figure.suptitle("± 1 σ", fontsize=10)

@@ -18,12 +18,11 @@ from truepose.robot.batches import as_row, at_poses, flattened, require_answers
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
-from truepose.robot.units import in_print
-from truepose.robotfile.to_core import padded
+from truepose.robotfile.to_core import padded, units_in
 from truepose.show.page import as_uri
 from truepose.show.results import Shown, figure_of
 from truepose.show.table import Cell, Table
-from truepose.show.units import SI
+from truepose.show.units import PRINT, SI
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,9 +53,9 @@ class Robot(Dynamics, Shown):
         >>> next(row for row in tp.load("h4").table() if row["name"] == "pivot1.offset")
         {'name': 'pivot1.offset', 'value': 0.0, 'unit': 'rad', 'sigma': 0.00034907}
         """
-        rows = []
+        rows, units = [], units_in(self.spec)
         for name, p in self.parameters.items():
-            factor, unit = in_print(self, name)
+            factor, unit = PRINT[units[name]]
             value, sigma = (Cell(f"{factor * v:.4f}", float(v)) for v in (p.value, p.sigma))
             rows.append([name, value, Cell(unit, SI[unit]), sigma])
         title = f"{self.name}: {len(rows)} parameters"

@@ -1,7 +1,8 @@
 """Units of readings and parameters: m, rad, compliances' or none."""
 
 import fnmatch
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,37 +10,22 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description
-from truepose.robotfile.base import ARMS, is_compliance
-from truepose.robotfile.to_core import file_key
+from truepose.robotfile.to_core import motor_unit, units_in
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT, printed
 
 
 def reading_units(robot: Description) -> list[str]:
     """Return the unit of each extended position q_e, motors and sensors in use: m or rad."""
-    motors = [_motor(chain.actuator) for chain in robot.spec.chain]
+    motors = [motor_unit(chain.actuator) for chain in robot.spec.chain]
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
 def unit_of(robot: Description, name: str) -> str:
     """Return the unit of a sensor, an externally measured coordinate or a parameter; "": none."""
-    part, _, key = name.partition(".")
-    kind = part.rstrip("0123456789") if part[-1:].isdigit() else ""
-    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
-    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
-    if name in coordinates:
-        return coordinates[name]
-    if is_compliance(name):
-        return "rad/(N·m)" if name == ARMS or name.endswith(".arm_compliance") else "1/N"
-    if kind in ("axis", "bar"):
-        return dict(_core.axis_parameters)[key] if kind == "axis" else "m"
-    if sensor is None:
-        units = dict(_core.chain_parameters)
-        own = _motor(robot.spec.chain[int(part.removeprefix("chain")) - 1].actuator)
-    else:
-        units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
-        own = _core.sensor_kinds[sensor.kind].unit
-    return own if not key or units.get(key, "reading") == "reading" else units[key]
+    units = {sensor.name: _core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.sensor}
+    units |= {f"measured_{coordinate}": unit for coordinate, unit in robot.coordinates}
+    return (units | units_in(robot.spec))[name]
 
 
 def angles(robot: Description) -> Array:
@@ -103,10 +89,6 @@ def by_unit(axes: Sequence[Axis], values: Array, what: str) -> dict[str, dict[st
     return panels
 
 
-def _motor(actuator: str) -> str:
-    return "rad" if actuator == "revolute" else "m"
-
-
 def tolerance(robot: Description, group: str, sigma: float) -> str:
     """Write to what parameters, a name or a glob, are machined: rod 0.1 mm."""
     unit = unit_of(robot, fnmatch.filter(robot.parameters, group)[0])
@@ -145,3 +127,9 @@ def coordinate_table(
         label = Cell(f"{coordinate} ({shown})", {what: coordinate, "unit": shown})
         rows.append([label, *(number(v if np.isfinite(v) else None) for v in values)])
     return Table(name, title, [what, *columns], rows)
+
+
+def rounded(value: float, towards: Callable[[float], int]) -> Cell:
+    """Format a positive number with three digits, rounded by `towards`."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return number(towards(value / step) * step)

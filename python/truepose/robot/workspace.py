@@ -9,6 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
+from truepose.robot import knowledge
 from truepose.robot.description import Description
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
@@ -72,7 +73,6 @@ class Figures:
 
     samples: int
     seed: int
-    length: float  #: m, see `LENGTH`
     reachable: float  #: fraction of the poses, within the joint limits
     regular: float  #: fraction of the poses that are reachable and not singular
     refused: dict[str, int]  #: number of other poses by reason and chain
@@ -84,11 +84,8 @@ class Figures:
     full_less_ideal: Array | None  #: (n,), see :func:`level_difference`
 
 
-def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
-    """Evaluate a robot at poses sampled from its workspace box; InputError if none is regular.
-
-    `length`, m, is the factor of the platform's angles in condition numbers.
-    """
+def measure(robot: Robot, samples: int = 100_000, seed: int = 0) -> Figures:
+    """Evaluate a robot at poses sampled from its workspace box; InputError if none is regular."""
     x = workspace_samples(robot, samples, np.random.default_rng(seed))
     found = reach(robot, x)
     regular, refused = found.regular, found.refused
@@ -97,13 +94,12 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
             f"{robot.name}: no pose of its workspace is reachable and regular: {told(refused)}"
         )
     x, J, q = x[regular], found.J[regular], found.q[found.reached]
-    condition = condition_numbers(robot, J, length)
+    condition = condition_numbers(robot, J)
     K = np.linalg.inv(J)  # q̇ = K ẋ
     turns = angles(robot)
     return Figures(
         samples=samples,
         seed=seed,
-        length=length,
         reachable=float(found.reached.mean()),
         regular=float(regular.mean()),
         refused=refused,
@@ -112,7 +108,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
         condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
         moving=None if turns.all() else _fastest(K[:, :, ~turns], x),
         turning=_fastest(K[:, :, turns], x) if turns.any() else None,
-        full_less_ideal=level_difference(robot, x[:100], seed),
+        full_less_ideal=level_difference(robot, x[:100]),
     )
 
 
@@ -147,37 +143,24 @@ def told(refused: dict[str, int]) -> str:
     return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
 
 
-def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
-    """Return the root mean square of full − ideal, (n,), m and rad, under axis tolerances.
+def level_difference(robot: Robot, poses: Array) -> Array | None:
+    """Return the root mean square of full − ideal poses, (n,), m and rad, for the same motors.
 
-    Samples `count` robots with yaw and tilt of every motor's axis, normal with the file's σ, and
-    compares at each pose the platform poses of both levels for the same motor positions. None where
-    the full level equals the ideal one or does not exist, the file has no tolerance of an axis, or
-    no pose is reachable with them (lengths in mm, for example).
+    To first order under the file's σ of yaw and tilt of every motor's axis. None where the full
+    level equals the ideal one or does not exist, or the file has no tolerance of an axis.
     """
-    sigma = {
-        name: parameter.sigma
-        for name, parameter in robot.parameters.items()
-        if name.endswith((".yaw", ".tilt")) and parameter.sigma > 0
-    }
-    paired = any(name.endswith(".rod_difference") for name in robot.parameters)
-    if not (robot.full and paired and sigma):
+    errors = knowledge.left_out(robot).items()
+    turned = {name: sigma for name, sigma in errors if name.endswith((".yaw", ".tilt"))}
+    if not turned:
         return None
-    nominal = np.array([robot.parameters[name].value for name in sigma])
-    squares = []
-    for draw in np.random.default_rng(seed).normal(size=(count, len(sigma))):
-        values = nominal + [*sigma.values()] * draw
-        real = robot.replace(dict(zip(sigma, values.tolist(), strict=True)))
-        q = real.ikm(poses, errors="nan", level="full")
-        squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
-    if not np.isfinite(squares).any():
-        return None
-    return np.sqrt(np.nanmean(squares, axis=(0, 1)))
+    motors = knowledge.full_less_ideal(robot, poses, turned)[:, : robot.n]
+    off = robot.jacobian(poses, errors="nan") @ motors
+    return np.sqrt(np.nanmean((off**2).sum(axis=2), axis=0))
 
 
-def condition_numbers(robot: Robot, J: Array, length: float) -> Array:
-    """Return condition numbers of Jacobians (..., n, n), angles times a length, m."""
-    scale = np.where(angles(robot), length, 1.0)
+def condition_numbers(robot: Robot, J: Array) -> Array:
+    """Return condition numbers of Jacobians (..., n, n), angles times `LENGTH`."""
+    scale = np.where(angles(robot), LENGTH, 1.0)
     return np.linalg.cond(J * scale[:, None])
 
 

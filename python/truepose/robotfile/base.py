@@ -1,9 +1,9 @@
 """Values of robot files: numbers with units, vectors, directions, sections."""
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
@@ -37,23 +37,22 @@ def is_compliance(parameter: str) -> bool:
     return parameter.startswith("compliance.") or parameter.endswith("compliance")
 
 
-def not_degrees(what: str, angles: float | Sequence[float]) -> None:
-    """Raise ValueError for an angle of more than a turn, which is likely in degrees."""
-    listed = [angles] if isinstance(angles, float) else list(angles)
+def not_degrees(angles: Any, what: str = "") -> Any:
+    """Return angles; ValueError for one of more than a turn, which is likely in degrees."""
+    listed = np.atleast_1d(angles).tolist()
     if max(map(abs, listed), default=0.0) > 2 * math.pi:
-        turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
-        given = ", ".join(f"{angle:g}" for angle in listed)
-        raise ValueError(
-            f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
-        )
+        given, turned = (", ".join(f"{a:.4g}" for a in of) for of in (listed, np.radians(listed)))
+        raise ValueError(f"{what}{given} rad: more than a turn; did you mean degrees? {turned} rad")
+    return angles
 
 
-def not_millimetres(what: str, lengths: float | Sequence[float]) -> None:
-    """Raise ValueError for a length that no robot has, which is likely in mm."""
-    largest = max([lengths] if isinstance(lengths, float) else lengths, key=abs, default=0.0)
+def not_millimetres(lengths: Any, what: str = "") -> Any:
+    """Return lengths; ValueError for one that no robot has, which is likely in mm."""
+    largest = max(np.atleast_1d(lengths).tolist(), key=abs, default=0.0)
     if abs(largest) > _LARGEST:
         mm = f"{largest:g} mm are {largest / 1e3:g} m"
-        raise ValueError(f"{what}: {largest:g} m: did you mean mm? {mm}")
+        raise ValueError(f"{what}{largest:g} m: did you mean mm? {mm}")
+    return lengths
 
 
 def unit(name: str) -> FieldInfo:
@@ -69,8 +68,10 @@ def key(meaning: str, default: Any = ...) -> Any:
 #: A pose, or a corner of a box of poses.
 Pose = Annotated[tuple[Number, ...], unit("m, rad")]
 Point = Annotated[Vector, unit("m")]
-Length = Annotated[Positive, unit("m")]
-Angle = Annotated[Number, unit("rad")]
+#: Point and length of a mechanism.
+Joint = Annotated[Point, AfterValidator(not_millimetres)]
+Length = Annotated[Positive, AfterValidator(not_millimetres), unit("m")]
+Angle = Annotated[Number, AfterValidator(not_degrees), unit("rad")]
 Mass = Annotated[NonNegative, unit("kg")]
 Inertia = Annotated[NonNegative, unit("kg·m²")]
 #: σ of a reading.
@@ -92,6 +93,22 @@ def _rising(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
+def rising_or_alike(ends: tuple[float, float]) -> tuple[float, float]:
+    """Return the ends of an interval; ValueError where they fall."""
+    if ends[0] > ends[1]:
+        raise ValueError("must be [lowest, highest]")
+    return ends
+
+
+def _not_zero(gain: float) -> float:
+    if gain == 0:
+        raise ValueError(NO_READING)
+    return gain
+
+
+#: What is wrong with a gain of 0.
+NO_READING = "must not be 0: the reading would be constant"
+Gain = Annotated[Number, AfterValidator(_not_zero)]
 #: Ends of a range.
 Ends = Annotated[tuple[Number, Number], AfterValidator(_rising)]
 Index = Annotated[int, Field(ge=1, strict=True)]

@@ -7,9 +7,9 @@ from typing import Any
 
 from truepose import _core
 from truepose.exceptions import choose
-from truepose.robotfile.base import Problem, not_degrees, not_millimetres
+from truepose.robotfile.base import NO_READING, Problem, not_degrees, not_millimetres
 from truepose.robotfile.schema import RobotFile
-from truepose.robotfile.to_core import names_of
+from truepose.robotfile.to_core import units_in
 
 #: Names reserved for logs and parameters.
 _TAKEN = re.compile(
@@ -78,8 +78,8 @@ def _sizes(spec: RobotFile) -> Iterator[Problem]:
             for of in ("m", "rad")
         }
         try:
-            not_degrees(f"{where}: the platform's angle", parts["rad"])
-            not_millimetres(where, parts["m"])
+            not_degrees(parts["rad"], f"{where}: the platform's angle = ")
+            not_millimetres(parts["m"], f"{where}: ")
         except ValueError as error:
             yield Problem(path, str(error))
 
@@ -127,7 +127,7 @@ def _names(spec: RobotFile) -> Iterator[Problem]:
 
 def _parameters(spec: RobotFile) -> Iterator[Problem]:
     """Yield names and values that no parameter has in three tables of a file."""
-    known, learnt = names_of(spec), spec.calibration
+    known, learnt = units_in(spec), spec.calibration
     values: list[tuple[tuple[str | int, ...], str, str, float]]
     values = [(("parameters", n), f"parameters.{n}", n, v) for n, v in spec.parameters.items()]
     for glob in spec.tolerances:
@@ -155,8 +155,7 @@ def wrong_value(name: str, value: float) -> str | None:
     if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
         return "must be greater than 0 (m)"
     if name.endswith(".gain") and value == 0:
-        part = "motor whose encoder" if name.startswith("chain") else "sensor that"
-        return f"a {part} reads nothing"
+        return NO_READING
     if ".eccentricity." in name and abs(value) >= 0.1:
         return "must be between -0.1 and 0.1 (rad)"
     return None

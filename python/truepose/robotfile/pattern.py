@@ -33,9 +33,16 @@ def _cosine(turns: Fraction) -> float:
     return exact.get(turns, math.cos(2 * math.pi * turns))
 
 
-def expand(motif: list, repeat: int, about: str) -> list:
-    """Repeat a motif's chains, turned; lists (see :func:`misfits`) have a value per copy."""
-    return [_copy(chain, k, repeat, about) for k in range(repeat) for chain in motif]
+def copies(motif: list, repeat: int) -> list:
+    """Repeat a motif's chains; lists (see :func:`misfits`) have a value per copy."""
+    return [_copy(chain, k) for k in range(repeat) for chain in motif]
+
+
+def turned_copies(chains: list, repeat: int, about: str) -> list:
+    """Turn the chains of each copy about an axis of the base frame."""
+    motif = len(chains) // repeat
+    turns = [Fraction(k // motif, repeat) for k in range(len(chains))]
+    return [_turned(chain, turn, about) for chain, turn in zip(chains, turns, strict=True)]
 
 
 def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -57,16 +64,20 @@ def _lists(chain: object) -> Iterator[tuple[str, list]]:
             yield key, value
 
 
-def _copy(chain: object, k: int, repeat: int, about: str) -> object:
+def _copy(chain: object, k: int) -> object:
     if not isinstance(chain, dict):  # the schema reports it
+        return chain
+    own = {key: values[min(k, len(values) - 1)] for key, values in _lists(chain) if values}
+    return chain | own
+
+
+def _turned(chain: object, turns: Fraction, about: str) -> object:
+    if not isinstance(chain, dict):
         return chain
     result = dict(chain)
     for key in TURNED:
         vector = chain.get(key, Chain.model_fields[key].default)
         numbers = isinstance(vector, (list, tuple)) and len(vector) == 3
         if numbers and all(type(v) in (int, float) for v in vector):
-            result[key] = turned(list(vector), Fraction(k, repeat), about)
-    for key, values in _lists(chain):
-        if values:
-            result[key] = values[min(k, len(values) - 1)]
+            result[key] = turned(list(vector), turns, about)
     return result

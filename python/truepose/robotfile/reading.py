@@ -17,8 +17,8 @@ from truepose import files
 from truepose.exceptions import InputError, RobotFileError, choose, shortened
 from truepose.robotfile import consistency
 from truepose.robotfile.base import Problem, Section, tables
-from truepose.robotfile.pattern import expand, misfits
-from truepose.robotfile.quantities import in_si
+from truepose.robotfile.pattern import copies, misfits, turned_copies
+from truepose.robotfile.quantities import factors_of, in_si, marked
 from truepose.robotfile.schema import Chain, Pattern, RobotFile, Tolerance
 from truepose.robotfile.sensors import SENSORS
 
@@ -133,7 +133,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     With problems it is the file without them, or None where they leave no mechanism.
     """
     try:
-        whole, motif, problems = _resolved(data)
+        whole, motif, problems = written_out(data)
     except RobotFileError as error:
         return None, [Problem(*error.args)]
     guessed, spec = False, None
@@ -209,27 +209,31 @@ def where_written(location: tuple, data: dict, motif: int) -> tuple:
     return ("chain", number, *location[2:])
 
 
-def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
+def written_out(data: dict) -> tuple[dict, int, list[Problem]]:
     """Expand based_on, chain_defaults and pattern; return also the motif's length and problems.
 
     The arguments of a RobotFileError are those of a Problem.
     """
-    own = dict(data)
+    own, motif, problems = dict(data), 0, []
     base = _base(own.pop("based_on")) if "based_on" in own else {}
-    data = _over(base, in_si(own, _over(base, own)))
-    shared = data.pop("chain_defaults", {})
+    if factors := factors_of(own.pop("units", [])):
+        own = {key: of if key == "pattern" else marked(of) for key, of in own.items()}
+    whole = _over(base, own)
+    shared, chains = whole.pop("chain_defaults", {}), whole.get("chain")
     if not isinstance(shared, dict):
         raise RobotFileError(("chain_defaults",), "chain_defaults: must be a table")
-    chains, pattern = data.get("chain"), data.get("pattern")
-    if not isinstance(chains, list):
-        return data, 0, []
-    data["chain"] = chains = [shared | c if isinstance(c, dict) else c for c in chains]
-    problems: list[Problem] = []
-    with contextlib.suppress(ValidationError):  # the schema reports an unusable pattern
-        pattern = Pattern.model_validate(pattern)
-        problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
-        data["chain"] = expand(chains, pattern.repeat, pattern.about)
-    return data, len(chains), problems
+    pattern = None
+    if isinstance(chains, list):
+        motif = len(chains)
+        whole["chain"] = chains = [shared | c if isinstance(c, dict) else c for c in chains]
+        with contextlib.suppress(ValidationError):  # the schema reports an unusable pattern
+            pattern = Pattern.model_validate(whole.get("pattern"))
+            problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
+            whole["chain"] = copies(chains, pattern.repeat)
+    whole = in_si(whole, factors, lambda path: where_written(path, data, motif))
+    if pattern:
+        whole["chain"] = turned_copies(whole["chain"], pattern.repeat, pattern.about)
+    return whole, motif, problems
 
 
 def _base(name: object) -> dict:

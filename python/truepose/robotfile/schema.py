@@ -4,7 +4,7 @@ import fnmatch
 import math
 from typing import Annotated, Literal, Self, get_args
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from truepose.robotfile.base import (
     COORDINATES,
@@ -12,9 +12,11 @@ from truepose.robotfile.base import (
     Counts,
     Direction,
     Ends,
+    Gain,
     Harmonics,
     Index,
     Inertia,
+    Joint,
     Length,
     Mass,
     Name,
@@ -31,25 +33,33 @@ from truepose.robotfile.base import (
     key,
     not_degrees,
     not_millimetres,
+    rising_or_alike,
     unit,
 )
 from truepose.robotfile.sensors import Sensor
 
 Actuator = Literal["revolute", "prismatic", "telescopic"]
 ACTUATORS: tuple[str, ...] = get_args(Actuator)
+#: Actuators of chains that a key is for, where these are not all.
+_OF_ACTUATORS = {
+    "arm_compliance": ("revolute",),
+    "eccentricity": ("revolute",),
+    "spool_buildup": ("prismatic", "telescopic"),
+    "pair_axis": ("prismatic",),
+}
 
 
 class Chain(Section):
     """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
 
     actuator: Actuator = key("how the motor moves B, the rod's end on its side")
-    base: Point = key("P, a point of the motor's axis")
+    base: Joint = key("P, a point of the motor's axis")
     axis: Direction = key("u, motor axis or slide direction", (0, 0, 1))
     arm_zero: Direction = key("e, arm's direction at q = 0", (1, 0, 0))
     arm: Length | None = key("l = |PB| (revolute: needed)", None)
     rod: Length | None = key("L = |AB| (not telescopic: needed)", None)
     working_mode: Literal[-1, 1] = key("sign of the entry of J_q", -1)
-    anchor: Point = key("A in the body that carries it")
+    anchor: Joint = key("A in the body that carries it")
     bar: Index | None = key("bar that carries A; without it, the platform itself", None)
     rod_spacing: Length = key("between the two rods of a spatial parallelogram; full level", 0.08)
     rod_difference: Annotated[Number, unit("m")] = key(
@@ -63,7 +73,7 @@ class Chain(Section):
     yaw: Angle = key("turns e and u about z", 0.0)
     tilt: Angle = key("turns u about e", 0.0)
     encoder_offset: Annotated[Number, unit("rad or m")] = key("reading = gain * q - offset", 0.0)
-    gain: Number = key(
+    gain: Gain = key(
         "of the motor's reading: its encoder's scale, its screw's or belt's pitch over the "
         "nominal one, or -1 for a reading that counts backwards",
         1.0,
@@ -121,26 +131,18 @@ class Chain(Section):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         turns = self.actuator == "revolute"
-        lengths = ("base", "anchor", "arm", "rod", *(("limits",) * (not turns)))
-        for name in lengths:
-            not_millimetres(name, getattr(self, name) or ())
-        if turns and self.arm is None:
-            raise ValueError("a revolute chain needs 'arm' (m)")
-        if not turns and self.arm_compliance is not None:
-            raise ValueError(f"'arm_compliance' is for revolute chains, not {self.actuator}")
+        for name, needed in (("arm", turns), ("rod", self.actuator != "telescopic")):
+            if needed and getattr(self, name) is None:
+                raise ValueError(f"a {self.actuator} chain needs '{name}' (m)")
+        for name, kinds in _OF_ACTUATORS.items():
+            unusual = getattr(self, name) != type(self).model_fields[name].default
+            if unusual and self.actuator not in kinds:
+                must = f"{' and '.join(kinds)} chains"
+                raise ValueError(f"'{name}' is for {must}, not {self.actuator}")
+        (not_degrees if turns else not_millimetres)(self.limits or (), "limits = ")
         lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
         if turns and abs(lean) > 1e-6:
             raise ValueError(f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}")
-        if self.gain == 0:
-            raise ValueError("gain = 0: a motor whose encoder reads nothing")
-        if any(self.eccentricity) and not turns:
-            raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
-        if self.spool_buildup and turns:
-            raise ValueError("'spool_buildup' is for prismatic and telescopic chains, not revolute")
-        if turns:
-            not_degrees("limits", self.limits or ())
-        not_degrees("yaw", self.yaw)
-        not_degrees("tilt", self.tilt)
         slender = self.arm_mass * (self.arm or 0.0) ** 2 / 3
         least, unit, part = {  # the arm or the carriage that a drive includes
             "revolute": (slender, "kg·m²", "arm_mass · arm²/3 of a slender arm"),
@@ -151,10 +153,6 @@ class Chain(Section):
                 f"drive_inertia = {self.drive_inertia:g} {unit}: must be at least {least:.3g} "
                 f"{unit}, the {part}, which is part of it"
             )
-        if self.actuator != "prismatic" and self.pair_axis is not None:
-            raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
-        if self.actuator != "telescopic" and self.rod is None:
-            raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
         return self
 
 
@@ -172,12 +170,9 @@ class PassiveAxis(Section):
     name: Word = key("of its angle, a coordinate of x: letters, digits and _")
     origin: Point = key("a point of it, from that of the axis before or the base's", (0, 0, 0))
     direction: Direction = key("in the frame of the axis before, x = 0 the base's")
-    limits: Annotated[Ends, unit("rad")] | None = key("stops of the joint, lower and upper", None)
-
-    @model_validator(mode="after")
-    def _in_radians(self) -> Self:
-        not_degrees("limits", self.limits or ())
-        return self
+    limits: Annotated[Ends, AfterValidator(not_degrees), unit("rad")] | None = key(
+        "stops of the joint, lower and upper", None
+    )
 
 
 class Platform(Section):
@@ -208,6 +203,7 @@ class Compliance(Section):
     )
 
 
+_RISING = AfterValidator(rising_or_alike)
 #: kg, °C, K and relative expansions that machines can have.
 Payload = Annotated[Number, Field(ge=0, le=1e6)]
 Celsius = Annotated[Number, Field(ge=-273.15, le=2000)]
@@ -218,14 +214,14 @@ Expansion = Annotated[Number, Field(ge=-1e-3, le=1e-3), unit("1/K")]
 class Conditions(Section):
     """Uncertain conditions at work, for predictions; the model has the middle of each range."""
 
-    payload: Annotated[tuple[Payload, Payload], unit("kg")] = key(
+    payload: Annotated[tuple[Payload, Payload], _RISING, unit("kg")] = key(
         "smallest and largest mass on the platform, uniformly distributed", (0.0, 0.0)
     )
     payload_centre: Point = key("its centre of mass, platform frame", (0, 0, 0))
     payload_centre_sigma: Annotated[Number, Field(ge=0, le=100), unit("m")] = key(
         "σ of each coordinate of its centre of mass", 0.0
     )
-    temperature: Annotated[tuple[Celsius, Celsius], unit("°C")] = key(
+    temperature: Annotated[tuple[Celsius, Celsius], _RISING, unit("°C")] = key(
         "lowest and highest ambient temperature, uniformly distributed, of all parts; lengths are "
         "those at the middle",
         (20.0, 20.0),
@@ -238,14 +234,6 @@ class Conditions(Section):
     platform_expansion: Expansion = key("of the platform (aluminium)", 23e-6)
     arm_expansion: Expansion = key("of the arms (aluminium)", 23e-6)
     rod_expansion: Expansion = key("of rods and legs (carbon fibre)", 1e-6)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        for name in ("payload", "temperature"):
-            low, high = getattr(self, name)
-            if low > high:
-                raise ValueError(f"{name} = [{low:g}, {high:g}]: must be [lowest, highest]")
-        return self
 
 
 class Workspace(Section):
@@ -270,13 +258,6 @@ class Pattern(Section):
     about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
-class PriceStep(Section):
-    """A finer tolerance that parts can be machined to, for a price."""
-
-    sigma: Annotated[Positive, unit("the parameter's")] = key("σ about the expected value")
-    price: NonNegative = key("of all parameters of this entry together, in the sensors' currency")
-
-
 class Prices(Section):
     """Prices of one-time steps, for truepose design, in the sensors' currency."""
 
@@ -288,25 +269,15 @@ class Tolerance(Section):
     """Uncertainty of a parameter: a σ, or a uniform interval about its value."""
 
     sigma: Annotated[NonNegative, unit("the parameter's")] | None = key("σ about the nominal", None)
-    interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
+    interval: Annotated[tuple[Number, Number], _RISING, unit("the parameter's")] | None = key(
         "lowest and highest deviation from nominal, uniformly distributed; this or 'sigma'", None
     )
-    price_steps: tuple[PriceStep, ...] = key("of 0.5: not used since 0.6", ())
+    price_steps: tuple[dict[str, Number], ...] = key("of 0.5: not used since 0.6", ())
 
     @model_validator(mode="after")
     def _one(self) -> Self:
         if (self.sigma is None) == (self.interval is None):
             raise ValueError("give either 'sigma' or 'interval'")
-        if self.interval is not None and self.interval[0] > self.interval[1]:
-            raise ValueError("interval must be [lower, upper]")
-        sigmas = [level.sigma for level in self.price_steps]
-        if len(set(sigmas)) < len(sigmas):
-            raise ValueError("'price_steps' has two levels of one sigma")
-        if sigmas and max(sigmas) >= self.deviation:
-            raise ValueError(
-                f"price_steps: sigma = {max(sigmas):g}: must be less than "
-                f"{self.deviation:.4g}, the σ that it has without"
-            )
         return self
 
     @property

@@ -5,14 +5,15 @@ Every sensor reads gain · value − offset, in steps of its resolution.
 """
 
 import math
-from typing import Annotated, ClassVar, Literal, Self, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from truepose.robotfile.base import (
     Counts,
     Direction,
     Ends,
+    Gain,
     Harmonics,
     Index,
     NonNegative,
@@ -36,7 +37,7 @@ class SensorSection(Section):
 
     name: Word = key("in logs, parameters and 'sensors': letters, digits and _")
     offset: Annotated[Number, unit("m or rad")] = key("reading = gain * value - offset", 0.0)
-    gain: Number = key("reading = gain * value - offset", 1.0)
+    gain: Gain = key("reading = gain * value - offset", 1.0)
     noise: Sigma = key("σ of a reading, before it is counted", 0.0)
     backlash: Annotated[NonNegative, unit("m or rad")] = key(
         "before it, whole width; a reading is off by half of it, either way", 0.0
@@ -53,12 +54,6 @@ class SensorSection(Section):
     def geared(self) -> bool:
         """Whether a gear, with backlash, is between the platform and the encoder of its θ."""
         return isinstance(self, PlatformAngle) and self.gear != 1
-
-    @model_validator(mode="after")
-    def _usable(self) -> Self:
-        if self.gain == 0:
-            raise ValueError("gain = 0: a sensor that reads nothing")
-        return self
 
 
 class Encoder(SensorSection):

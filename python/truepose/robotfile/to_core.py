@@ -5,13 +5,14 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
 from truepose.robotfile.base import ARMS, COMMON, Section
 from truepose.robotfile.schema import Bar, Chain, Compliance, RobotFile
-from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
+from truepose.robotfile.sensors import SENSORS, Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
 PAIRED = ("translation", "schoenflies")
@@ -19,6 +20,8 @@ PAIRED = ("translation", "schoenflies")
 _HARMONICS = ("c1", "s1", "c2", "s2")
 _COMPONENTS = {name: k for names in ("xyz", _HARMONICS) for k, name in enumerate(names)}
 _ECCENTRICITY = [f"eccentricity.{harmonic}" for harmonic in _HARMONICS]
+
+_CHAIN_UNITS = dict(_core.chain_parameters) | {"compliance": "1/N", "arm_compliance": "rad/(N·m)"}
 
 #: The core's sensor vectors that are directions, nominally of length 1.
 DIRECTIONS = ("direction", "normal")
@@ -39,16 +42,21 @@ def _xyz(*vectors: str) -> list[str]:
     return [f"{vector}.{axis}" for vector in vectors for axis in "xyz"]
 
 
-def parameter_names(
+def motor_unit(actuator: str) -> str:
+    """Return the unit of a motor's position."""
+    return "rad" if actuator == "revolute" else "m"
+
+
+def units_of(
     mobility: str,
     actuators: Collection[str],
     bars: int,
-    sensors: Iterable[tuple[str, type[SensorSection]]],
+    sensors: Iterable[tuple[str, str]],  #: name and kind
     axes: int,
     stretches: bool = True,
-) -> list[str]:
-    """Return the names of all geometric parameters of these parts."""
-    names = []
+) -> dict[str, str]:
+    """Return the unit of every geometric parameter of these parts, by name; "" for none."""
+    units: dict[str, str] = {}
     for number, actuator in enumerate(actuators, 1):
         revolute = actuator == "revolute"
         keys = [*_xyz("base", "anchor"), "encoder_offset", "yaw", "tilt"]
@@ -56,23 +64,29 @@ def parameter_names(
         keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
         keys += _ECCENTRICITY * revolute + ["gain"] + ["spool_buildup"] * (not revolute)
         keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
-        names += [f"chain{number}.{key}" for key in keys]
-    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
-    names += ([COMMON] + [ARMS] * ("revolute" in actuators)) * stretches
+        own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
+        units |= {f"chain{number}.{key}": own[key] for key in keys}
+    units |= {f"bar{number}.pivot": "m" for number in range(1, bars + 1)}
+    if stretches:
+        units[COMMON] = _CHAIN_UNITS["compliance"]
+        if "revolute" in actuators:
+            units[ARMS] = _CHAIN_UNITS["arm_compliance"]
     for name, kind in sensors:
-        keys = ["offset", "gain", *_xyz(*kind.mounting.values())]
-        keys += _ECCENTRICITY * issubclass(kind, Encoder)
-        names += [f"{name}.{key}" for key in keys]
-    axis = _xyz("origin", "direction")
-    return names + [f"axis{number}.{key}" for number in range(1, axes + 1) for key in axis]
+        for core, unit in _core.sensor_parameters:
+            if key := file_key(SENSORS[kind], core):
+                own_unit = _core.sensor_kinds[kind].unit if unit == "reading" else unit
+                units[f"{name}.{key}"] = own_unit
+    for number in range(1, axes + 1):
+        units |= {f"axis{number}.{key}": unit for key, unit in _core.axis_parameters}
+    return units
 
 
-def names_of(spec: RobotFile, stretches: bool = True) -> list[str]:
-    """Return the names of all geometric parameters of a robot file."""
+def units_in(spec: RobotFile, stretches: bool = True) -> dict[str, str]:
+    """Return the unit of every geometric parameter of a robot file, by name."""
     actuators = [chain.actuator for chain in spec.chain]
-    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
+    sensors = [(sensor.name, sensor.kind) for sensor in spec.sensor]
     axes = len(spec.passive_axis)
-    return parameter_names(spec.mobility, actuators, len(spec.bar), sensors, axes, stretches)
+    return units_of(spec.mobility, actuators, len(spec.bar), sensors, axes, stretches)
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
@@ -82,7 +96,7 @@ def drawn(spec: RobotFile) -> dict[str, float]:
         parts |= {f"{kind}{number}": part for number, part in enumerate(of_kind, 1)}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
     values = {}
-    for name in names_of(spec, spec.stretches):
+    for name in units_in(spec, spec.stretches):
         part, key, *component = name.split(".")
         value: Any = getattr(parts[part], key) or 0.0  # a chain's own compliance may be None
         values[name] = value[_COMPONENTS[component[0]]] if component else value
@@ -170,21 +184,28 @@ def build(spec: RobotFile) -> _core.Robot:
         robot.set_axis(j, _filled(_core.PassiveAxis(), axis, keys))
     for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
-    body = _core.Body()
-    body.mass = spec.platform.mass
-    body.pivot = np.array(spec.platform.centre)
-    body.inertia = np.diag([float(getattr(spec.platform, f"inertia_{axis}")) for axis in "xyz"])
-    robot.add_body(body)
+    platform = spec.platform
+    inertia = (platform.inertia_x, platform.inertia_y, platform.inertia_z)
+    add_body(robot, platform.mass, platform.centre, inertia)
     if spec.conditions and (mass := sum(spec.conditions.payload) / 2):
-        body = _core.Body()
-        body.mass, body.pivot = mass, np.array(spec.conditions.payload_centre)
-        robot.add_body(body)
+        add_body(robot, mass, spec.conditions.payload_centre)
     for k, bar in enumerate(spec.bar):
-        body = _core.Body()
-        body.mass, body.bar = bar.mass, k
-        body.pivot = _hinge(bar)
-        robot.add_body(body)
+        add_body(robot, bar.mass, _hinge(bar), bar=k)
     return robot
+
+
+def add_body(
+    robot: _core.Robot,
+    mass: float,
+    centre: ArrayLike,
+    inertia: tuple[float, ...] = (0.0, 0.0, 0.0),
+    bar: int = -1,
+) -> None:
+    """Add a body to the core's robot, on its platform or on a bar."""
+    body = _core.Body()
+    body.mass, body.pivot, body.bar = mass, np.array(centre), bar
+    body.inertia = np.diag(inertia)
+    robot.add_body(body)
 
 
 def _hinge(bar: Bar) -> Array:

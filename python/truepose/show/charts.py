@@ -24,7 +24,7 @@ def lines(
     every = list(figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0])
     for axes, (label, named) in zip(every, panels.items(), strict=True):
         for name, values in named.items():
-            more: dict[str, Any] = {"color": (colours or {}).get(name), "rasterized": style == "."}
+            more = {"color": (colours or {}).get(name), "rasterized": style == "."}
             axes.plot(over, values, style, label=name, lw=1.2, ms=3, **more)
         axes.set_ylabel(label)
         axes.grid(color="0.92")

@@ -66,6 +66,5 @@ def as_uri(image: bytes) -> str:
 
 def versions() -> dict[str, str]:
     """Return versions of the software that writes a page."""
-    packages = {name: metadata.version(name) for name in ("numpy", "matplotlib")}
-    python = platform.python_version()
-    return {"truepose": metadata.version("truepose"), "Python": python, **packages}
+    packages = {name: metadata.version(name) for name in ("truepose", "numpy", "matplotlib")}
+    return packages | {"Python": platform.python_version()}

@@ -62,6 +62,16 @@ class Table:
         return records
 
 
+def tabled(name: str, title: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a table of rows by the names of its columns; :func:`number` formats floats."""
+    return Table(
+        name,
+        title,
+        list(rows[0]),
+        [[number(v) if isinstance(v, float | None) else v for v in row.values()] for row in rows],
+    )
+
+
 def as_csv(records: Iterable[Mapping[str, object]]) -> str:
     """Write records as CSV with the columns of all of them."""
     rows, text = list(records), io.StringIO()
@@ -88,7 +98,7 @@ def number(value: float | None, significant: int = 3, data: object = None) -> Ce
     ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
     """
     if value is None:
-        return Cell("", None)
+        return Cell("")
     data = float(value) if data is None else data
     if not np.isfinite(value) or abs(value) < 5e-5:
         return Cell("0" if np.isfinite(value) else str(value), data)
@@ -98,6 +108,6 @@ def number(value: float | None, significant: int = 3, data: object = None) -> Ce
 
 def markdown(table: Table) -> str:
     """Write a table as Markdown."""
-    header = [cell.replace(", (", " (").replace("its, mean", "its mean") for cell in table.header]
+    header = [cell.replace(", (", " (") for cell in table.header]
     lines = [header, ["---"] + ["---:"] * (len(header) - 1), *table.rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)

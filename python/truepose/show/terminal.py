@@ -84,8 +84,7 @@ def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None
 
     columns = (TextColumn("{task.description:20}"), BarColumn(), MofNCompleteColumn(), Remaining())
     errors = Console(stderr=True)
-    hidden = not errors.is_terminal
-    with Progress(*columns, console=errors, transient=True, disable=hidden) as bar:
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
         yield functools.partial(bar.update, bar.add_task(what, total=total))
 
 
@@ -203,8 +202,8 @@ def _block(columns: list[tuple[list[str], int, bool]]) -> list[str]:
 
 
 def _wrapped(text: str, width: int) -> list[str]:
-    console = Console(width=max(width, 1), color_system=None)
-    return [part.plain.rstrip() for part in Text(text).wrap(console, max(width, 1))] or [""]
+    console = Console(width=width, color_system=None)
+    return [part.plain.rstrip() for part in Text(text).wrap(console, width)] or [""]
 
 
 def _is_words(cell: str) -> bool:

@@ -30,15 +30,15 @@ WRITTEN = {
 
 
 def printed(value: float, unit: str, form: str = ".2f") -> str:
-    """Format a value with its printed unit: 30.00°, -400.00 mm."""
+    """Format a value with its printed unit: 30.00°, -400.00 mm; `form` "": with three digits."""
     factor, name = PRINT[unit]
-    return f"{factor * value:{form}}{' ' * name[:1].isalpha()}{name}"
+    text = f"{factor * value:{form}}" if form else number(factor * value)
+    return f"{text}{' ' * name[:1].isalpha()}{name}"
 
 
 def measured(value: float, unit: str) -> str:
     """Format a value with three digits and its printed unit."""
-    factor, name = PRINT[unit]
-    return f"{number(factor * value)}{' ' * name[:1].isalpha()}{name}"
+    return printed(value, unit, "")
 
 
 def named(what: str, name: str, unit: str) -> Cell:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import positive
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
+from truepose.robot.units import rounded
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.paths import Line, Path
 
@@ -33,9 +34,8 @@ def require_feasible_move(robot: Robot, move: Line, period: float) -> None:
             shortest = move.duration / fastest(robot, move, period)
         except PoseError:  # at any speed
             raise error from None
-        unit = 10.0 ** (math.floor(math.log10(shortest)) - 2)
-        least = unit * math.ceil(shortest / unit)
-        raise PoseError(f"{error}: allow a duration of at least {least:.3g} s") from None
+        least = rounded(shortest, math.ceil)
+        raise PoseError(f"{error}: allow a duration of at least {least} s") from None
 
 
 def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: str = "path") -> None:
@@ -89,8 +89,12 @@ class Paced:
     def setpoints(self, robot: Robot, period: float) -> Setpoints:
         """See :class:`truepose.simulation.paths.Path`."""
         positive("speed", self.speed)
-        x, rate, acceleration = self.path.setpoints(robot, self.speed * period)
-        return Setpoints(x, self.speed * rate, self.speed**2 * acceleration)
+        return _faster(self.path.setpoints(robot, self.speed * period), self.speed)
+
+
+def _faster(setpoints: Setpoints, speed: float) -> Setpoints:
+    x, rate, acceleration = setpoints
+    return Setpoints(x, speed * rate, speed**2 * acceleration)
 
 
 def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
@@ -107,10 +111,7 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
     >>> 5 < fastest(tp.load("h4"), circle) < 10
     True
     """
-    x, rate, acceleration = path.setpoints(robot, period)
-
-    def at(speed: float) -> Setpoints:
-        return Setpoints(x, speed * rate, speed**2 * acceleration)
+    written = path.setpoints(robot, period)
 
     def possible(asked: Setpoints) -> bool:
         try:
@@ -120,12 +121,12 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
         return True
 
     slow, fast = 1e-3, 1e3
-    require_feasible(robot, at(slow), period)
-    if possible(at(fast)):
+    require_feasible(robot, _faster(written, slow), period)
+    if possible(_faster(written, fast)):
         raise InputError(f"{robot.name}: no motor limit in its file bounds the path's speed")
     while fast > (1 + _NEAR) * slow:
         middle = math.sqrt(slow * fast)
-        slow, fast = (middle, fast) if possible(at(middle)) else (slow, middle)
+        slow, fast = (middle, fast) if possible(_faster(written, middle)) else (slow, middle)
     while not possible(Paced(path=path, speed=slow).setpoints(robot, period)):  # other rows
         slow *= 1 - _NEAR
     return slow

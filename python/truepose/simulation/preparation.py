@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from truepose import _core
 from truepose.arguments import Array, check_seed
 from truepose.control import delays
@@ -15,11 +12,10 @@ from truepose.control.controller import (
     Controller,
     OwnLaw,
     law_name,
-    pose_of,
     warn_if_for_rigid,
 )
 from truepose.control.effects import Effects
-from truepose.control.safety import STATES, SafetyLimits, not_started
+from truepose.control.safety import SafetyLimits
 from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
@@ -28,6 +24,7 @@ from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
+from truepose.robotfile.to_core import padded
 from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.run import Run
 
@@ -40,39 +37,22 @@ class Prepared(NamedTuple):
     """A robot ready to be simulated."""
 
     truth: Robot  #: with its effects at that time
-    origin: list[float]  #: desired pose at the start
     first: tuple  #: arguments of the core's functions before the motion
     last: tuple  #: and after it: integration steps per period, true pose at the start, seed
     limits: SafetyLimits | None = None  #: of the safety shell
-
-    def require_path(self, *setpoints: Array) -> None:
-        """Raise InputError if a limit of the safety shell is below what the path needs."""
-        if self.limits is not None:
-            self.limits.require_path(*setpoints)
-
-    def require_started(self, robot: Robot, rows: int, state: Array, cause: Array) -> None:
-        """Raise PoseError if the safety shell did not start a run of so many rows."""
-        if self.limits is None or len(state) > 1:
-            return
-        if rows > 1 or STATES[state[0]] != "running":
-            raise not_started(robot, cause[0])
 
 
 def prepare(
     robot: Robot,
     truth: Robot,
     controller: Controller,
-    start: tuple[str, ArrayLike],
+    start: Array,
     run: Run,
     effects: Effects | None,
     faults: Sequence[Fault],
     monitor: FaultMonitor | None,
 ) -> Prepared:
-    """Check the options and find the true robot's initial rest.
-
-    `start` is the pose and before it its name in messages.
-    """
-    run.check(controller)
+    """Check the options and find the true robot's rest at a desired pose `start`, (n,)."""
     learn, seed = run.learn, run.seed
     if callable(controller.law) and (learn is not None or monitor is not None):
         raise InputError(
@@ -86,17 +66,15 @@ def prepare(
     plant = _core.Effects()
     if effects is not None:
         truth, plant = effects.geometry(truth, run.time, seed), effects.plant(truth, seed)
-    name, x = start
-    origin = pose_of(robot, x, name)
-    gains = controller.settings(robot, origin[: robot.n])
+    gains = controller.settings(robot, start)
     law = "joint" if callable(controller.law) else controller.law
     believed, known = knowledge.for_law(robot, law)
-    rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
+    rows, loaded = start[None], controller.integral == 0
     model = believed if learn is None else learn.robot
     at_rest, status, chain, _ = _core.settle(model.core, truth.core, gains, known, loaded, rows)
-    require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
+    require_answers(robot, "pose", rows, (), status, chain, "raise", name="start")
     if callable(controller.law):
-        at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
+        at_rest = steady_state(robot, truth, rows, controller, gravity=loaded, start=start)
     filtered = None if learn is None else learn._filter
     fault_setup = None if monitor is None else monitor.setup(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
@@ -105,8 +83,8 @@ def prepare(
     shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     belief = (believed.core, truth.core, gains, known)
     first = (*belief, plant, filtered, wrong, fault_setup, slow, events)
-    held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Prepared(truth, origin, (*first, shell), (steps, held, check_seed(seed)), limits)
+    last = (steps, padded(at_rest[0]), check_seed(seed))
+    return Prepared(truth, (*first, shell), last, limits)
 
 
 def controller_of(
@@ -114,10 +92,10 @@ def controller_of(
 ) -> Controller:
     """Return the controller; for a law alone or None, one that is stable with the effects."""
     if isinstance(controller, Controller):
-        warn_if_for_rigid(robot, controller, effects, stacklevel=4)
+        warn_if_for_rigid(robot, controller, effects, stacklevel=5)
         return controller
     controller = usual(robot) if controller is None else controller
-    if effects in (None, Effects.none()) or (not callable(controller) and controller not in LAWS):
+    if effects in (None, Effects.none()):
         return Controller(law=controller)
     return Controller.for_robot(robot, effects, controller)
 

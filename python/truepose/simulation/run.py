@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
@@ -83,17 +82,3 @@ class Run:
         if effects is None or not effects.arm_stiffness:
             return _STEPS
         return max(_STEPS, math.ceil(ringing(truth, truth.home, effects) * period / _RINGING))
-
-
-def with_former(run: Run, former: Mapping[str, object]) -> Run:
-    """Return a run with options that were arguments of `simulate` in 0.5; gone with 0.7."""
-    if "law" in former:
-        raise InputError(
-            "law: is Controller(law=f) since 0.6: f(robot, x_d, q_e) returns the motor error"
-        )
-    if unknown := former.keys() - {field.name for field in fields(Run)}:
-        raise TypeError(f"simulate() got an unexpected keyword argument {min(unknown)!r}")
-    if former:
-        said = f"simulate: {', '.join(former)}: in run=truepose.simulation.Run(…) since 0.6"
-        warnings.warn(said, DeprecationWarning, stacklevel=3)
-    return replace(run, **former)  # type: ignore[arg-type]

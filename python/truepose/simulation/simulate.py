@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,14 @@ from truepose import _core
 from truepose.arguments import Array, require_or_none
 from truepose.control.controller import Controller, OwnLaw, law_name, pose_of, require_same_readings
 from truepose.control.effects import Effects
-from truepose.control.own_law import Torques
+from truepose.control.own_law import for_core
 from truepose.control.safety import stop_text
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.disturbance import named
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
+from truepose.moved import grouped
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -40,7 +41,7 @@ from truepose.simulation.preparation import (
     saturated,
     unanswered,
 )
-from truepose.simulation.run import Run, with_former
+from truepose.simulation.run import Run
 
 _REST = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
 _USUAL = Run()
@@ -135,8 +136,7 @@ class Simulation(Shown):
     @property
     def saturated(self) -> Array:
         """Whether a motor was at its torque limit, (T, n) bool."""
-        limits = [chain.torque_limit or np.inf for chain in self.robot.spec.chain]
-        return np.abs(self.torque) >= limits
+        return np.abs(self.torque) >= self.robot.torque_limit
 
     @property
     def status(self) -> str:
@@ -199,6 +199,7 @@ class Simulation(Shown):
         ]
 
 
+@grouped(Run, "run", law="Controller(law=f): f(robot, x_d, q_e) returns the motor error")
 def simulate(
     robot: Robot,
     truth: Robot | None = None,
@@ -209,7 +210,6 @@ def simulate(
     faults: Sequence[Fault] = (),
     monitor: FaultMonitor | None = None,
     run: Run = _USUAL,
-    **former: Any,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path, and then holding its end.
 
@@ -240,8 +240,6 @@ def simulate(
     run : truepose.simulation.Run
         The move's ends and duration, the hold after it, seed, disturbances, safety shell and
         online calibration.
-    **former
-        The same as arguments, as in 0.5, with a warning; gone with 0.7.
 
     Raises
     ------
@@ -281,57 +279,46 @@ def simulate(
     >>> run.law, bool(abs(run.error[:, :3]).max() < 2e-3)
     ('mine', True)
     """
-    truth, run = robot if truth is None else truth, with_former(run, former)
+    truth = robot if truth is None else truth
     require_same_readings(robot, truth)
-    for name, value, kind in (
-        ("effects", effects, Effects),
-        ("monitor", monitor, FaultMonitor),
-    ):
-        require_or_none(value, kind, name, f"truepose.{kind.__name__}(…)")
+    require_or_none(effects, Effects, "effects", "truepose.Effects(…)")
+    require_or_none(monitor, FaultMonitor, "monitor", "truepose.FaultMonitor(…)")
     for one in {robot, truth}:
         warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)
-    setpoints, start, end, duration, hold = None, run.start, run.end, run.duration, run.hold
-    if path is not None:
-        if start is not None or end is not None:
-            raise InputError("path: names all poses itself: leave out start and end")
-        setpoints = Setpoints(*path_of(path, duration).setpoints(robot, controller.period))
-        require_feasible(robot, setpoints, controller.period)
-        duration = max(len(setpoints.x) - 1, 1) * controller.period
-        start = end = setpoints.x[0]
-    elif start is None or end is None:
-        usual = default_move(robot)
-        start, end = usual[0] if start is None else start, usual[1] if end is None else end
-    target = pose_of(robot, end, "end")
-    timed = replace(run, duration=duration)
-    prepared = prepare(robot, truth, controller, ("start", start), timed, effects, faults, monitor)
-    require_within([*faults, *run.disturbances], duration + hold)
-    own = None
-    if callable(controller.law):
-        own = Torques(controller, robot, prepared.origin[: robot.n])
-    loop = _core.Loop(*prepared.first)
-    if setpoints is None:
-        origin, end = (np.array(pose[: robot.n]) for pose in (prepared.origin, target))
-        move = Line(start=origin, end=end, duration=duration)
-        require_feasible_move(robot, move, controller.period)
-        prepared.require_path(*move.setpoints(robot, controller.period))
-        asked = (prepared.origin, target, duration, hold)
-        rows = 1 + round((duration + hold) / controller.period)
-        status, chain, *log = loop.simulate(*asked, *prepared.last, own)  # type: ignore[call-arg]
+    run.check(controller)
+    period = controller.period
+    ends: dict[str, Any] = {"start": run.start, "end": run.end}
+    if path is None:
+        if any(x is None for x in ends.values()):
+            usual = dict(zip(ends, default_move(robot), strict=True))
+            ends = usual | {name: x for name, x in ends.items() if x is not None}
+        start, end = (pose_of(robot, x, name)[: robot.n] for name, x in ends.items())
+        move = Line(start=start, end=end, duration=run.duration)
+        require_feasible_move(robot, move, period)
+        setpoints = move.setpoints(robot, period)
     else:
-        prepared.require_path(*setpoints)
-        rest = np.zeros((round(hold / controller.period), robot.n))
-        held = (rest + setpoints.x[-1], rest, rest)
-        x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
-        rows = len(x)
-        status, chain, *log = loop.follow(x, rate, acceleration, *prepared.last, own)  # type: ignore[call-arg]
-    ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * controller.period)
+        if run.start is not None or run.end is not None:
+            raise InputError("path: names all poses itself: leave out start and end")
+        setpoints = Setpoints(*path_of(path, run.duration).setpoints(robot, period))
+        require_feasible(robot, setpoints, period)
+    prepared = prepare(robot, truth, controller, setpoints.x[0], run, effects, faults, monitor)
+    require_within([*faults, *run.disturbances], (len(setpoints.x) - 1) * period + run.hold)
+    if limits := prepared.limits:
+        limits.require_path(*setpoints)
+    rest = np.zeros((round(run.hold / period), robot.n))
+    held = (rest + setpoints.x[-1], rest, rest)
+    x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
+    own = for_core(controller.law, robot) if callable(controller.law) else None
+    loop = _core.Loop(*prepared.first)
+    status, chain, *log = loop.follow(x, rate, acceleration, *prepared.last, own)  # type: ignore[call-arg]
+    ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * period)
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")
-    if not ended:
-        prepared.require_started(robot, rows, *log[-3:-1])
+    if limits and not ended:
+        limits.require_started(len(x), *log[-3:-1])
     name = law_name(controller.law)
-    return Simulation(robot, prepared.truth, controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
+    return Simulation(robot, prepared.truth, controller, *log, run.hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 
 def _ended(status: int, chain: int, after: float) -> str:

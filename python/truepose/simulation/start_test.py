@@ -106,14 +106,9 @@ class StartTest(Shown):
         for k, name in enumerate(self.robot.readings):
             most = number(self.torque[k]) if k < self.robot.n else Cell("", None)
             known = self.sigma[k] < _KNOWN
-            rows.append(
-                [
-                    name,
-                    f"{self.scale[k]:.2f}" if known else Cell("?", None),
-                    f"{self.sigma[k]:.2f}" if known else Cell("?", None),
-                    most,
-                ]
-            )
+            values = (self.scale[k], self.sigma[k])
+            shown = [f"{value:.2f}" if known else Cell("?", None) for value in values]
+            rows.append([name, *shown, most])
         return Table("start", "Scale of the readings", ["reading", "scale", "σ", "torque"], rows)
 
 

@@ -17,7 +17,7 @@ from truepose.robot.robot import Robot, load
 from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
-from truepose.studies.cases import OWN, Answer, Asked, Cases
+from truepose.studies.cases import OWN, Asked, Cases
 from truepose.studies.functions import function_of, require_keys
 from truepose.studies.storage import Storage
 from truepose.studies.workers import Workers
@@ -166,9 +166,7 @@ def monte_carlo(
         whole("study: chunk", chunk, 1)
     total = count * cases.each
     kept = None if out is None else Storage(Path(out), cases, asked)
-    done: dict[int, dict[str, Answer]] = {}
-    if kept:
-        done = {number: row for number, row in kept.rows.items() if number < total}
+    done = {number: row for number, row in kept.rows.items() if number < total} if kept else {}
     progress = progress or (lambda done, total: None)
     progress(len(done), total)
     team = Workers(cores() if workers is None else workers, cluster)
@@ -183,8 +181,6 @@ def monte_carlo(
     finally:
         if kept:
             kept.flush()
-    if kept:
-        kept.finish()
     every = [done[number] for number in range(total)]
     missing: dict[str, Any] = dict.fromkeys(
         (name for row in every for name in row if name != "error"), np.nan

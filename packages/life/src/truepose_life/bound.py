@@ -1,7 +1,5 @@
 """Bound of the life-cycle study: what readings show of a change to an observer told of its kind."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Life-cycle study: the accuracy of each law after what a year does to a calibrated robot."""
 
-from __future__ import annotations
-
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -101,26 +98,22 @@ class LifeCycle:
         fresh = calibrate(nominal, new, options=CalibrationOptions(cause="ignore"))
         told = bound(known, last, x, judged)
         at_rest = last.true_at(true, judged, rng, rest=True)
-        laws: dict[str, tuple[Robot, Law]] = {law: (known, law) for law in FROZEN}
-        laws |= {
-            "online": (online.robot.at_highest_level, "estimated"),
-            "adaptive": (adaptive.robot, "estimated"),
-            "new": (fresh.robot.at_highest_level, "estimated"),
-        }
-        answer: dict[str, Answer] = {
-            f"{name}_mm": _error(robot, at_rest, law) for name, (robot, law) in laws.items()
-        }
-        found = [
-            [*window.changed, *(f"noise of {name}" for name in window.noisy)]
+        learnt = {"online": online.robot, "adaptive": adaptive.robot, "new": fresh.robot}
+        answer: dict[str, Answer] = {f"{law}_mm": _error(known, at_rest, law) for law in FROZEN}
+        for name, robot in learnt.items():
+            answer[f"{name}_mm"] = _error(robot.at_highest_level, at_rest, "estimated")
+        found = (
+            name
             for window in adaptive.windows
             if window.learned
-        ]
+            for name in (*window.changed, *(f"noise of {name}" for name in window.noisy))
+        )
         return answer | {
             "bound_mm": 1e3 * told.error,
             "left": told.left,
             "seen": told.seen,
             "directions": told.directions,
-            "found": ", ".join(dict.fromkeys(itertools.chain(*found))),
+            "found": ", ".join(dict.fromkeys(found)),
         }
 
 

@@ -1,7 +1,5 @@
 """Events of the life-cycle study: what changes of a robot, and what may be known of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -1,13 +1,11 @@
 """Rates of the life-cycle study: what a year does to a robot."""
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from truepose import files
 from truepose.exceptions import InputError, choose
@@ -49,7 +47,7 @@ class Life:
     ageing: float = _rate(5.0, "")  #: σ of an aged sensor's readings over that of a new one
 
     @classmethod
-    def read(cls, path: str | Path) -> Life:
+    def read(cls, path: str | Path) -> Self:
         """Return the rates of a TOML file: numbers with units, ``warm_up = "15 K"``.
 
         Raises

@@ -1,7 +1,5 @@
 """Table and figure of the life-cycle study."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

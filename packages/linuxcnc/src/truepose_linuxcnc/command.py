@@ -1,7 +1,5 @@
 """`truepose export linuxcnc`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
@@ -46,10 +44,10 @@ def command(
     made = load_with(robot, sensors)
     made = made.with_level(level) if level else made
     built = load(machine).with_sensors(*made.sensors) if machine else None
-    controller = Controller(law=usual(made) if law is None else law, period=period)
+    controller = Controller(law=law or usual(made), period=period)
     contents = to_configuration(made, controller, FaultMonitor(), built)
     read = [path_of(name) for name in (robot, machine) if name]
-    outputs: dict[files.Output, str | bytes] = {
+    outputs = {
         files.Output(out / name, "LinuxCNC configuration", "-o"): text
         for name, text in contents.items()
     }

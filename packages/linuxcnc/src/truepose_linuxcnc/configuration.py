@@ -1,7 +1,5 @@
 """LinuxCNC configurations: robot table, ini, HAL, and predicted limits."""
 
-from __future__ import annotations
-
 import math
 import struct
 from dataclasses import replace
@@ -21,7 +19,8 @@ from truepose.faults.monitor import FaultMonitor
 from truepose.robot.knowledge import knowledge
 from truepose.robot.laws import require_sensors
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import angles, reading_units
+from truepose.robot.workspace import samples_or_home
 from truepose.simulation.equilibrium import steady_state
 
 #: Largest number of uncertain parameters in the components (hal/table.h).
@@ -111,7 +110,7 @@ def to_configuration(
     ['machine.table', 'robot.hal', 'robot.ini', 'robot.table']
     """
     require_sensors(robot, controller.built_in)
-    machine = robot if machine is None else machine
+    machine = machine or robot
     require_same_readings(robot, machine)
     units, axes = reading_units(robot), _axes(robot)
     exported, learnt = corrections(robot, controller)
@@ -176,8 +175,6 @@ def corrections(robot: Robot, controller: Controller) -> tuple[Array, Array]:
     >>> bool(1 < np.degrees(exported).max() < 4 < np.degrees(learnt).max() < 8)
     True
     """
-    if not robot.r:
-        return np.zeros(robot.n), np.zeros(robot.n)
     e_q = _errors(robot, controller, _workspace(robot))
     exported, learnt = _ACCEPTED_SIGMAS * np.sqrt(_mean(e_q**2)).max(axis=1)
     return exported, learnt
@@ -198,9 +195,7 @@ def rates(robot: Robot, controller: Controller) -> Array:
     >>> bool(20 < np.degrees(rates(tp.load("h4"), tp.Controller())).max() < 50)
     True
     """
-    if not robot.r:
-        return np.zeros(robot.n)
-    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    linear = ~angles(robot)
     x = _workspace(robot)
     steps = _DIFFERENCE * np.diag([SPEEDS[unit][0] for _, unit in robot.coordinates])
     ahead, behind = (
@@ -216,11 +211,14 @@ def rates(robot: Robot, controller: Controller) -> Array:
 
 
 def _errors(robot: Robot, controller: Controller, x: Array) -> Array:
-    """Return e_q (2, robots, poses, n) of sampled robots at rest: file's law, and desired pose."""
+    """Return e_q (2, robots, poses, n) of sampled robots at rest: file's law, and desired pose.
+
+    Without redundant sensors it is 0.
+    """
     law = "tej" if controller.law == "joint" else controller.law
     q_d = robot.ikm(x, errors="nan")
-    e_q = np.empty((2, _DRAWN, *q_d.shape))
-    for k in range(_DRAWN):
+    e_q = np.zeros((2, _DRAWN, *q_d.shape))
+    for k in range(_DRAWN if robot.r else 0):
         true = robot.sample(k)
         rest = steady_state(robot, true, x, replace(controller, law=law), errors="nan")
         for kind, there in enumerate((rest, x)):
@@ -235,10 +233,7 @@ def _mean(products: Array) -> Array:
 
 def _workspace(robot: Robot) -> Array:
     """Return home, the workspace's corners, and regular poses sampled in it."""
-    box = robot.spec.workspace
-    if box is None:
-        return poses(robot)
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+    x = samples_or_home(robot, _POSES)
     return np.vstack([poses(robot), x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]])
 
 
@@ -251,8 +246,8 @@ def _axes(robot: Robot) -> list[dict[str, Any]]:
         )
     box, axes = robot.spec.workspace, []
     for k, (name, unit) in enumerate(robot.coordinates):
-        axis: dict[str, Any] = {"low": "-1e9", "high": "1e9", **_speeds(unit)}
-        axis["letter"] = _LETTERS.get(name, name.upper())
+        letter = _LETTERS.get(name, name.upper())
+        axis: dict[str, Any] = {"letter": letter, "low": "-1e9", "high": "1e9", **_speeds(unit)}
         if box is not None and (unit == "m" or robot.n < 6):
             axis["low"], axis["high"] = (_SHOWN[unit] * e[k] for e in (box.minimum, box.maximum))
         axes.append(axis)

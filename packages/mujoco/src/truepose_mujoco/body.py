@@ -1,7 +1,5 @@
 """A MuJoCo simulation of a robot, stepped by its motors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -19,6 +17,7 @@ from truepose_mujoco.mechanism import Posture
 from truepose_mujoco.mjcf import TIMESTEP, Model
 
 _OPEN = 1e-4  # m, largest gap of a closed loop
+_MOVE = 0.2  # s, of held motors to other positions
 
 
 class Settled(NamedTuple):
@@ -112,14 +111,14 @@ class Body:
         gaps = [self.data.site(f"{k}.end").xpos - self.data.site(f"{k}.anchor").xpos for k in rods]
         return float(np.linalg.norm(gaps, axis=1).max())
 
-    def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
+    def settle_at(self, q: Array) -> Settled:
         """Move the motors to readings q, hold them, and wait for the steady state."""
         model, data, step = self.model, self.data, mujoco.mj_step
         start = self.positions()[0]
         core, home = self.robot.core, self.mechanism.home.position
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
         self.hold()
-        for share in np.linspace(0, 1, max(1, round(duration / model.opt.timestep))):
+        for share in np.linspace(0, 1, max(1, round(_MOVE / model.opt.timestep))):
             smooth = share**2 * (3 - 2 * share)
             model.eq_data[self._holds, 0] = start + smooth * (end - start) - home
             step(model, data)

@@ -1,7 +1,5 @@
 """`truepose view`, `truepose export mjcf` and `truepose import`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

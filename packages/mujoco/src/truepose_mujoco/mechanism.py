@@ -1,7 +1,5 @@
 """Rigid bodies, joints and loop closures of a robot for MuJoCo."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

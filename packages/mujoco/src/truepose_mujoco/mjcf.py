@@ -1,7 +1,5 @@
 """Export of a robot as MJCF, the model format of MuJoCo."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from typing import Any
 
@@ -71,7 +69,20 @@ class Model(Mechanism):
 
     def xml(self, timestep: float = TIMESTEP) -> str:
         """Return the MJCF file; `timestep` in s."""
-        root = head(self.outline, self.planar, timestep, self.robot.spec.gravity)
+        size, low, high = self.size, self.outline.min(axis=0), self.outline.max(axis=0)
+        centre, (azimuth, elevation) = (low + high) / 2, (90, -90) if self.planar else (215, -18)
+        values = {  # the view has all points of `outline` on a floor
+            "timestep": timestep,
+            "gravity": self.robot.spec.gravity,
+            "solref": [timestep / 2, 1],
+            "site": size / 200,
+            "centre": centre,
+            "extent": 1.2 * size,
+            "view": f'azimuth="{azimuth}" elevation="{elevation}"',
+            "below": [*centre[:2], low[2] - 0.3 * size],
+            "floor": [2 * size, 2 * size, 0.1],
+        }
+        root = ET.fromstring(HEAD.format(**{key: text(value) for key, value in values.items()}))
         root.set("model", self.robot.name)
         root.insert(0, ET.Comment(mark("model")))
         *_, world, equality, actuator = root
@@ -224,25 +235,6 @@ class Model(Mechanism):
         length = 2 * float(np.linalg.norm(longest)) or self.size / 10
         slender(bar, core.mass, length, -0.5, longest)
         return bar
-
-
-def head(outline: Array, planar: bool, timestep: float, gravity: ArrayLike) -> ET.Element:
-    """Return a model without bodies: the view has all points of `outline` on a floor."""
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    size, centre = float((high - low).max()), (low + high) / 2
-    azimuth, elevation = (90, -90) if planar else (215, -18)
-    values = {
-        "timestep": timestep,
-        "gravity": gravity,
-        "solref": [timestep / 2, 1],
-        "site": size / 200,
-        "centre": centre,
-        "extent": 1.2 * size,
-        "view": f'azimuth="{azimuth}" elevation="{elevation}"',
-        "below": [*centre[:2], low[2] - 0.3 * size],
-        "floor": [2 * size, 2 * size, 0.1],
-    }
-    return ET.fromstring(HEAD.format(**{key: text(value) for key, value in values.items()}))
 
 
 def text(value: ArrayLike | str) -> str:

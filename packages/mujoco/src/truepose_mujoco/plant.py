@@ -1,7 +1,5 @@
 """A plant of rigid bodies in MuJoCo, with the core's sensor models and control cycle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -80,9 +78,8 @@ class MujocoPlant:
         the loops do not close there, or the robot does not come to rest.
         """
         rows, lead = flattened(self.truth, q, self.truth.n, "q", "raise")
-        found = [self.body().settle_at(row) for row in rows]
-        frame, x, gap = (np.array(values) for values in zip(*found, strict=True))
-        return Settled(frame.reshape(*lead, 4, 4), x.reshape(*lead, -1), gap.reshape(lead))
+        found = map(np.array, zip(*(self.body().settle_at(row) for row in rows), strict=True))
+        return Settled(*(values.reshape((*lead, *values.shape[1:])) for values in found))
 
     def visit(
         self,
@@ -100,8 +97,8 @@ class MujocoPlant:
         x_d = as_rows(robot, x_d, "x_d", errors="nan")
         require_same_readings(robot, self.truth)
         warn_if_for_rigid(robot, controller, self.effects)
-        n, count = robot.n, len(x_d)
-        shapes = (n + robot.r,), (4, 4), (n,)
+        count = len(x_d)
+        shapes = (robot.n + robot.r,), (4, 4), (robot.n,)
         q_e, frame, x = (np.full((count, *shape), np.nan) for shape in shapes)
         result = Visit(q_e, frame, x, np.full(count, "", dtype=object))
         length = count if self.faults else _RANGE  # a stuck reading persists from pose to pose
@@ -206,7 +203,8 @@ class _Drive:
             if not np.isfinite(self.body.data.qpos).all():
                 self.restart()
                 return (*nothing, "lost: the motion is no longer finite")
-            trail.append(self._trace())
+            frame = self.body.frame()  # D and R / 10, which must be constant at rest
+            trail.append(np.append(frame[:3, 3], 0.1 * frame[:3, :3]))
             if now >= plant.duration + plant.hold and cycle % 10 == 0:
                 moved = float(np.ptp(trail[-window:], axis=0).max())
                 if moved < _STILL:
@@ -219,7 +217,7 @@ class _Drive:
             restless = f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm"
             return (*nothing, said if silent else restless)
         q_e = self._faulty(time + now + self.period)
-        return q_e, self.body.frame(), self.body.coordinates(), said
+        return q_e, frame, self.body.coordinates(), said
 
     def _warm(self, time: float) -> None:
         """Apply the thermal expansion, keeping the state."""
@@ -230,11 +228,6 @@ class _Drive:
         self.body = self.plant.body(time)
         for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
             getattr(self.body.data, name)[:] = getattr(old, name)
-
-    def _trace(self) -> Array:
-        """Return D and R / 10, which must be constant at rest."""
-        frame = self.body.frame()
-        return np.append(frame[:3, 3], 0.1 * frame[:3, :3])
 
     def _cycle(self, end: Array, now: float, time: float) -> int:
         """Run one control period of a move towards `end`; return the controller's status."""

@@ -1,7 +1,5 @@
 """A robot in MuJoCo's viewer, or as a picture."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

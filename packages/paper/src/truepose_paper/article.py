@@ -1,7 +1,5 @@
 """The paper's tables as data, and the geometric errors of its simulated robots."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 from importlib import resources

@@ -1,9 +1,8 @@
 """The paper's claims, each with a verdict that can fail, and its errata."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -173,7 +172,7 @@ class Change:
         return (self.high - self.low) / 2
 
     @classmethod
-    def of(cls, result: Reproduction, quantity: str) -> Change:
+    def of(cls, result: Reproduction, quantity: str) -> Self:
         """Compare the twin's runs."""
         at = article.QUANTITIES.index(quantity), article.STATISTICS.index("sum_sq")
         usual, tej = (result.twin_runs[law].table()[at] for law in twin.LAWS)

@@ -1,7 +1,5 @@
 """The experiment of Tables 2 and 3: 625 poses at steady state, and the statistics of Table 3."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -156,10 +154,7 @@ def with_m_at_x(robot: Robot, x_d: Array, q_e: Array) -> Array:
 
 
 def changed_by_m_at_x(
-    robot: Robot,
-    truths: Sequence[Robot],
-    poses: Array,
-    progress: Progress = lambda done, total: None,
+    robot: Robot, truths: Sequence[Robot], poses: Array, progress: Progress
 ) -> Array:
     """Return by how much M at x instead of x_d changes the steady-state pose, (robots, P, 4).
 
@@ -173,8 +168,8 @@ def changed_by_m_at_x(
     return np.array(list(each(change, truths, progress)))
 
 
-def law_seconds(robot: Robot, poses: Array, runs: int = 5) -> float:
-    """Return the time of J, M and M⁺ at a pose, s: the shortest of some runs over all poses."""
+def law_seconds(robot: Robot, poses: Array) -> float:
+    """Return the time of J, M and M⁺ at a pose, s: the shortest of five runs over all poses."""
     many = np.tile(poses, (16, 1))
 
     def seconds() -> float:
@@ -182,7 +177,7 @@ def law_seconds(robot: Robot, poses: Array, runs: int = 5) -> float:
         robot.tej(many)
         return time.perf_counter() - start
 
-    return min(seconds() for _ in range(runs)) / len(many)
+    return min(seconds() for _ in range(5)) / len(many)
 
 
 def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:

@@ -1,7 +1,5 @@
 """Report of the reproduction: a folder with one self-contained page, figures and numbers."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import uuid
@@ -20,7 +18,6 @@ from truepose.show.table import as_csv
 from truepose.simulation.paths import MOVE_TO
 from truepose_paper import article, claims, experiment, figures, sensor_sets, tables, twin
 from truepose_paper.article import QUANTITIES, STATISTICS
-from truepose_paper.plotted import plotted
 from truepose_paper.reproduce import Reproduction
 
 PAGE = "report.html"
@@ -65,15 +62,15 @@ def write(
     found, sensing = result.experiment, result.sensing
     first = {control: errors[0] for control, errors in found.errors.items()}
     seen = {control: run.errors("desired") for control, run in result.twin_runs.items()}
-    drawn: dict[str, Callable[[], Figure]] = {
-        "robot": result.robot.plot,
-        "figures-11-13": lambda: figures.moves([result.moves[f"figure-{k}"] for k in (11, 12, 13)]),
-        "poses": lambda: figures.poses(first, "error of "),
-        "experiment": lambda: figures.poses(seen, "desired − measured, "),
+    drawn = {
+        "robot": result.robot.plot(),
+        "figures-11-13": figures.moves([result.moves[f"figure-{k}"] for k in (11, 12, 13)]),
+        "poses": figures.poses(first, "error of "),
+        "experiment": figures.poses(seen, "desired − measured, "),
     }
     images = {}
-    for done, (name, draw) in enumerate(drawn.items(), 1):
-        images[name] = _save(draw(), out / name)
+    for done, (name, figure) in enumerate(drawn.items(), 1):
+        images[name] = _save(figure, out / name)
         progress("figures", done, len(drawn))
     shown, more = tables.results(result)
     for table in (*shown, *more):
@@ -109,12 +106,10 @@ def write(
 
 
 def _save(figure: Figure, path: Path) -> str:
-    """Save a figure as SVG, PNG and CSV; return the SVG as a data URI."""
+    """Save a figure as SVG and PNG; return the SVG as a data URI."""
     drawn = files.picture(figure, ".svg")
     path.with_suffix(".svg").write_bytes(drawn)
     path.with_suffix(".png").write_bytes(files.picture(figure, ".png"))
-    if points := plotted(figure):
-        _csv(path.with_suffix(".csv"), points)
     return page.as_uri(drawn)
 
 

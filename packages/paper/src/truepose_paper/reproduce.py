@@ -1,7 +1,5 @@
 """Reproduction of the paper: Figures 11 to 13, Tables 2 and 3, and further studies."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The paper on one screen: Table 3, claims with their verdicts, and what other sensors give."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Accuracy of sensor sets under each use of their readings."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -84,8 +82,8 @@ def compare(
     nominal: Mapping[str, Robot],
     robots: int,
     seed: int,
-    calibrated: int = ROBOTS,
-    progress: Progress = lambda done, total: None,
+    calibrated: int,
+    progress: Progress,
 ) -> list[Line]:
     """Compute steady states of robots sampled from the tolerances, per control and sensor set.
 
@@ -118,7 +116,6 @@ def compare(
     for k, (kind, robot) in enumerate(kinds.items()):
         own = found[k * robots : (k + 1) * robots]
         of_robots = {c: np.array([rms[c] for rms in own if c in rms]) for c in CONTROLS}
-        P = accuracy(robot, poses, calibrated_on=visited)
-        bound = float(1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean()))
-        lines.append(Line(*kind, of_robots, bound))
+        bound = accuracy(robot, poses, calibrated_on=visited).rms
+        lines.append(Line(*kind, of_robots, 1e3 * bound))
     return lines

@@ -1,7 +1,5 @@
 """Tables of the results, for terminal, report and CSV."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shipped twin of the paper's robot, and its experiment."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -1,8 +1,5 @@
 """The paper's section 4 with a simulated robot and vision system."""
 
-from __future__ import annotations
-
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -19,7 +16,7 @@ from truepose.robot.laws import require_sensors
 from truepose.robot.robot import Robot
 from truepose.simulation.plants import Plant, Visit
 from truepose_paper import article, experiment
-from truepose_paper.experiment import CONTROLS, Control, Progress
+from truepose_paper.experiment import CONTROLS, Control
 from truepose_paper.vision import Vision
 
 #: Definition of "error": estimated from the encoders − measured, as in the paper, or
@@ -92,7 +89,6 @@ def run(
     poses: Array | None = None,
     controls: Sequence[Control] = ("joint", "tej"),
     seed: int = 0,
-    progress: Progress = lambda done, total: None,
 ) -> dict[Control, Run]:
     """Carry out the experiment under some controls.
 
@@ -102,18 +98,15 @@ def run(
     `plant` is the true robot, `robot` the nominal one, of schoenflies mobility with θ measured.
     `poses` (P, 4) are desired, default Table 2's 625. "self-calibrated" first visits them under
     joint control, with offsets, and calibrates on these readings. `seed` is that of the vision
-    system's noise and of the offsets. `progress` is called after each pose.
+    system's noise and of the offsets.
     """
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: mobility must be schoenflies (x, y, z and θ)")
     require_sensors(robot, "tej")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
-    total = len(poses) * (len(controls) + ("self-calibrated" in controls))
-    count = itertools.count(1)
 
     def visit(believed: Robot, x_d: Array, control: Control) -> Visit:
-        law = article.control(CONTROLS[control])
-        return plant.visit(believed, x_d, law, lambda: progress(next(count), total))
+        return plant.visit(believed, x_d, article.control(CONTROLS[control]))
 
     def learnt() -> Robot:
         taught = visit(robot, article.offset(poses, seed), "joint")

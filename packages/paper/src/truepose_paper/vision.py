@@ -1,10 +1,8 @@
 """The paper's vision system: three line cameras, four LEDs, and their covariance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +19,6 @@ _ITERATIONS = 30
 #: unobservable), logarithm of the focal length, centre of the line.
 _PARAMETERS = 7
 _STEP = 1e-6  #: of their differences
-#: Dimensions and tolerances of a :class:`Setup` that are greater than 0.
-_POSITIVE = {"distance", "focal_length", "pixel", "pixels", "across", "artefact", "noise"}
-_POSITIVE |= {"placing", "aiming", "lens", "centring", "artefact_tolerance"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +59,11 @@ class Setup:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not np.isfinite(np.asarray(value, dtype=float)).all():
+            if np.ndim(value) and not np.isfinite(np.hstack(value)).all():
                 raise InputError(f"{name} = {value}: must be finite")
-            if name in _POSITIVE:
+            if not np.ndim(value) and name not in ("elevation", "led_tolerance"):
                 positive(name, value)
+        finite("elevation", self.elevation)
         finite("led_tolerance", self.led_tolerance, 0)
         whole("artefact_points", self.artefact_points, 2)
         if np.shape(self.leds)[1:] != (3,) or len(self.leds) < 3:
@@ -78,7 +74,7 @@ class Setup:
             raise InputError(f"registration: {len(self.registration)} values, must be 6")
 
     @classmethod
-    def facing(cls, robot: Robot) -> Setup:
+    def facing(cls, robot: Robot) -> Self:
         """Return a setup whose cameras face a robot's home pose."""
         x, y, z = frames(robot, robot.home)[:3, 3].tolist()
         return cls(centre=(x, y, z))
@@ -108,11 +104,10 @@ class Cameras(NamedTuple):
 
     def sees(self, points: Array, setup: Setup) -> Array:
         """Return which camera sees which point, (..., K)."""
-        y, s, w = self._along(points)
-        b = np.cross(self.axis, self.line)
-        u = self.focal * s / np.where(w > 0, w, np.inf) + self.centre
-        inside = (u >= 0) & (u < setup.pixels)
-        return (w > 0) & inside & (np.abs((y * b).sum(-1)) <= math.tan(setup.across / 2) * w)
+        y, _, w = self._along(points)
+        u, b = self.project(points), np.cross(self.axis, self.line)
+        inside = (w > 0) & (u >= 0) & (u < setup.pixels)
+        return inside & (np.abs((y * b).sum(-1)) <= math.tan(setup.across / 2) * w)
 
     def by_point(self, points: Array) -> Array:
         """Return ∂u/∂p, (..., K, 3)."""
@@ -128,14 +123,13 @@ class Cameras(NamedTuple):
         ]
         return np.stack([(ahead - behind) / (2 * _STEP) for ahead, behind in ends], axis=-1)
 
-    def moved(self, change: Array) -> Cameras:
+    def moved(self, change: Array) -> Self:
         """Return cameras whose parameters changed by `change`, (K, 7)."""
         R = rotation(change[:, :3])
         position = self.position + change[:, 3:4] * self.line + change[:, 4:5] * self.axis
-        axis = (R @ self.axis[..., None])[..., 0]
-        line = (R @ self.line[..., None])[..., 0]
+        axis, line = ((R @ v[..., None])[..., 0] for v in (self.axis, self.line))
         focal = self.focal * np.exp(change[:, 5])
-        return Cameras(position, axis, line, focal, self.centre + change[:, 6])
+        return type(self)(position, axis, line, focal, self.centre + change[:, 6])
 
 
 class CameraCalibration(NamedTuple):
@@ -257,9 +251,10 @@ class Vision:
         inverse = np.linalg.inv(normal)
         gain = np.einsum("nij,nlkj,nlk->nilk", inverse, J, weight)
         by_camera = np.einsum("nilk,nlkp->nikp", gain, cameras.by_parameter(points))
-        by_camera = by_camera.reshape(len(points), 6, CAMERAS * _PARAMETERS)
         by_led = np.einsum("nilk,nlkx,nxy->nily", gain, cameras.by_point(points), R)
-        by_led = by_led.reshape(len(points), 6, 3 * len(setup.leds))
+        by_camera, by_led = (
+            by.reshape(*by.shape[:2], math.prod(by.shape[2:])) for by in (by_camera, by_led)
+        )
         return (
             setup.noise**2 * inverse
             + by_camera @ self.calibration.covariance @ np.swapaxes(by_camera, 1, 2)
@@ -291,9 +286,11 @@ def _calibrate(
     every = np.tile(sigma, CAMERAS)
     cameras, done = start, np.zeros(len(every))
 
+    def moved(unknown: Array) -> Cameras:
+        return cameras.moved((every * unknown).reshape(CAMERAS, -1))
+
     def residual(unknown: Array) -> Array:
-        moved = cameras.moved((every * unknown).reshape(CAMERAS, -1))
-        off = ((moved.project(nominal) - u) * seen)[..., None]
+        off = ((moved(unknown).project(nominal) - u) * seen)[..., None]
         return np.concatenate([(white @ off).ravel(), done + unknown])
 
     for _ in range(3):  # the last one starts at the solution, whose parameters the covariance has
@@ -301,7 +298,6 @@ def _calibrate(
         noise = setup.noise**2 * np.eye(CAMERAS) + shaken @ np.swapaxes(shaken, 1, 2)
         white = np.linalg.inv(np.linalg.cholesky(noise))
         fit = least_squares(residual, np.zeros(len(every)), "3-point", xtol=1e-12)
-        cameras = cameras.moved((every * fit.x).reshape(CAMERAS, -1))
-        done = done + fit.x
+        cameras, done = moved(fit.x), done + fit.x
     inverse = np.linalg.inv(fit.jac.T @ fit.jac)
     return CameraCalibration(cameras, inverse * np.outer(every, every))

@@ -8,7 +8,7 @@ number of steps of each motor down from its endstop.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,9 +24,6 @@ from truepose_printers.library import Delta, answer
 MM, DEGREE = 1e-3, math.pi / 180
 #: Largest file, bytes: a klippy.log.
 MOST_LOG = 100_000_000
-#: Assumed σ of build and measurements that a caller can change, in the library's order and units.
-SIGMA = {"arm": MM, "angle": DEGREE, "radius": MM, "endstop": MM, "height": MM, "distance": MM}
-SIGMA |= {"shrinkage": 0.01, "width": MM}
 #: Names of the firmwares with lines to send.
 FIRMWARES = {"marlin": "Marlin", "rrf": "RepRapFirmware"}
 
@@ -63,7 +60,7 @@ class Assessment:
         return [reading for reading in self.answer["readings"] if reading["distance"] == distance]
 
     def column(self, key: str, distance: bool = False) -> Array:
-        """Return a column of the heights' or the distances' table, mm; NaN: no value."""
+        """Return a column of the heights' or the distances' table; NaN: no value."""
         return np.array([reading[key] for reading in self.readings(distance)], dtype=float)
 
     def noise(self, kind: str) -> float:
@@ -76,10 +73,10 @@ def assess(
     text: str,
     path: str | Path = "printer.cfg",
     *,
-    arm: float | None = None,
-    probe_radius: float | None = None,
+    arm: float = 0,
+    probe_radius: float = 0,
     plan: int = 0,
-    sigma: Mapping[str, float] | None = None,
+    sigma: Sequence[float] = (),
 ) -> Assessment:
     """Assess a printer from its firmware's text.
 
@@ -87,14 +84,14 @@ def assess(
     ----------
     text, path : str
         Text of a printer.cfg, klippy.log or session, and its name for messages.
-    arm : float, optional
-        Nominal length of the arms, m; default as in the file.
-    probe_radius : float, optional
-        Radius of the points of Marlin's G33, mm.
+    arm : float
+        Nominal length of the arms, m; 0: as in the file.
+    probe_radius : float
+        Radius of the points of Marlin's G33, mm; 0: as in the text.
     plan : int
         Number of next readings to plan; without saved readings the answer is that plan alone.
-    sigma : mapping, optional
-        Assumed σ by their names in :data:`SIGMA`, m, rad; others as documented.
+    sigma : sequence of float
+        Assumed σ, mm, ° and %, in the order of truepose/printers.h; 0 or left out: as documented.
 
     Raises
     ------
@@ -109,8 +106,7 @@ def assess(
     ...
     truepose.exceptions.InputError: printer.cfg: [printer] kinematics: is missing
     """
-    given = [(sigma or {}).get(name, 0.0) / scale for name, scale in SIGMA.items()]
-    found = answer(text, [(arm or 0.0) / MM, probe_radius or 0.0, plan, *given])
+    found = answer(text, [arm / MM, probe_radius, plan, *sigma])
     if "error" in found:
         raise InputError(f"{path}: {found['error']}")
     return Assessment(str(path), found)

@@ -11,7 +11,7 @@ from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError
 from truepose.show.table import Cell, Table
 from truepose_printers.assessment import MM, Assessment
-from truepose_printers.review import mm
+from truepose_printers.review import cell
 
 #: Probability with which backups of an unchanged printer agree.
 AGREE = 0.999
@@ -62,19 +62,19 @@ def judged(found: Sequence[Assessment]) -> tuple[Table, str]:
         [
             p.by,
             p.of,
-            mm(p.rms / MM),
-            mm(p.expected / MM),
+            cell(p.rms / MM),
+            cell(p.expected / MM),
             Cell("yes" if p.agrees else "no", p.agrees),
         ]
         for p in every
     ]
     header = ["estimate from", "predicts", "rms (mm)", "σ (mm)", "agrees"]
     table = Table("backups", "Heights predicted by the estimate from another file", header, rows)
-    names = [each.path for each in found]
-    strange = [n for n in names if not any(p.agrees for p in every if n in (p.by, p.of))]
+    agreeing = {name for p in every if p.agrees for name in (p.by, p.of)}
+    strange = [each.path for each in found if each.path not in agreeing]
     if all(p.agrees for p in every):
         return table, "The files agree: one printer, unchanged but for a shift of all heights"
-    if len(names) > 2 and len(strange) < len(names) - 1 and strange:
+    if strange and agreeing:
         said = ", ".join(strange)
         return table, f"{said}: agrees with no other file: another printer's, or rebuilt since"
     return table, "The files disagree: the printer changed, or they are not of one printer"

@@ -12,7 +12,6 @@ import typer
 from truepose import files
 from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
-from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
 from truepose_printers import backups, review
 from truepose_printers.assessment import FIRMWARES, MM, Assessment, read
@@ -79,7 +78,7 @@ def command(
     """
     if points and next_readings is None:
         raise InputError("--points: writes the heights of --plan N: give that too")
-    options: dict[str, Any] = {"arm": MM * (arm or 0), "probe_radius": probe_radius}
+    options: dict[str, Any] = {"arm": MM * (arm or 0), "probe_radius": probe_radius or 0}
     outputs: dict[files.Output, Callable[[Assessment], str]] = {}
     if write:
         new = files.Output(write, "printer.cfg", "--write")
@@ -90,23 +89,23 @@ def command(
         outputs[files.Output(points, "points", "--points")] = review.points_text
     files.check(outputs, [config], force)
     found = read(config, plan=next_readings or 0, **options)
-    if "readings" not in found.answer and (write or backup):
+    answer = found.answer
+    if "readings" not in answer and (write or backup):
         read(config, **options)  # the error of a file without readings
     files.write({file: text(found) for file, text in outputs.items()}, [config], force)
-    answer = found.answer
     for note in answer["notes"]:
         say(f"{config}: {note}", err=True)
-    further = [review.plan(found)] if answer["plan"] else []
-    tables = review.tables(found) if "readings" in answer else []
+    tables = [review.plan(found)] if answer["plan"] else []
     words = [*answer.get("words", ()), *answer["assumptions"]]
     if answer["kind"] in FIRMWARES and "lines" in answer:
         words.insert(0, f"Lines for {FIRMWARES[answer['kind']]}: {' | '.join(answer['lines'])}")
     if backup:
         table, verdict = backups.judged([found, *(read(other, **options) for other in backup)])
-        further.insert(0, table)
+        tables.insert(0, table)
         words.insert(0, verdict)
-    shown = [*further, *(narrow(tables) if how is Format.table and tables else tables)]
-    show(shown, how, [f"{line}." for line in words])
+    if "readings" in answer:
+        tables += review.tables(found, narrow=how is Format.table)
+    show(tables, how, [f"{line}." for line in words])
     wrote(how, write, points)
 
 
@@ -116,11 +115,3 @@ def _config_text(found: Assessment) -> str:
         kind = FIRMWARES.get(found.answer["kind"], "klippy.log")
         raise InputError(f"--write: {found.path} is no printer.cfg ({kind}): give that")
     return str(found.answer["config"])
-
-
-def narrow(tables: list[Table]) -> list[Table]:
-    """Return the columns that fit on 80 characters; programs get all."""
-    fits, parameters, *others = tables
-    rows = [row for row in parameters.rows if row[4]]
-    parameters = Table(parameters.name, parameters.title, parameters.header, rows)
-    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *others]

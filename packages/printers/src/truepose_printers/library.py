@@ -14,24 +14,23 @@ import numpy as np
 from truepose.arguments import Array
 
 _LIBRARY = ctypes.CDLL(str(next(Path(__file__).parent.glob("*truepose_printers.*"))))
-#: Bytes of an answer to a usual text.
-_USUAL = 1 << 20
+#: Largest answer, bytes: a configuration has at most 1 MB.
+_MOST = 1 << 24
 #: Numbers of truepose_printer_options.
 _OPTIONS = 11
 
 
 def answer(text: str, options: Sequence[float] = ()) -> dict[str, Any]:
     """Return the answer to a text; `options` as truepose_printer_options, those left out 0."""
-    data, settings = text.encode(), (ctypes.c_double * _OPTIONS)(*options)
-    size = _USUAL
-    while True:
-        found = ctypes.create_string_buffer(size)
-        used = _LIBRARY.truepose_printer(
-            data, ctypes.c_size_t(len(data)), settings, found, ctypes.c_size_t(size)
-        )
-        if used <= size:
-            return dict(json.loads(found.raw[:used]))
-        size = used
+    data, found = text.encode(), ctypes.create_string_buffer(_MOST)
+    used = _LIBRARY.truepose_printer(
+        data,
+        ctypes.c_size_t(len(data)),
+        (ctypes.c_double * _OPTIONS)(*options),
+        found,
+        ctypes.c_size_t(_MOST),
+    )
+    return dict(json.loads(found.raw[:used]))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -21,10 +20,14 @@ FITS = {
 UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
 
 
-def tables(found: Assessment) -> list[Table]:
-    """Return every table in reading order."""
+def tables(found: Assessment, narrow: bool = False) -> list[Table]:
+    """Return every table in reading order; `narrow`: what fits on 80 characters."""
+    known = parameters(found)
+    if narrow:
+        free = Table(known.name, known.title, known.header, [row for row in known.rows if row[4]])
+        known = free.columns(0, 1, 2, 3, 5, 6)
     left_out = [held_out(found)] if found.answer["held_out_mm"] else []
-    return [fits(found), parameters(found), *left_out, bed(found)]
+    return [fits(found), known, *left_out, bed(found)]
 
 
 def fits(found: Assessment) -> Table:
@@ -32,13 +35,12 @@ def fits(found: Assessment) -> Table:
     rows = []
     for name, key in FITS.items():
         parts = [found.column(key, distance) for distance in (False, True)]
-        cells = [(mm(rms(off), 4), mm(np.abs(off).max(initial=-math.inf))) for off in parts]
+        cells = [(cell(rms(off), 4), cell(np.abs(off).max(initial=-math.inf))) for off in parts]
         rows.append([name, *cells[0], *cells[1]])
     header = ["what is left over", "z rms (mm)", "worst z (mm)"]
     header += ["distance rms (mm)", "worst distance (mm)"]
-    counts = f"{len(found.readings())} heights"
-    if distances := len(found.readings(distance=True)):
-        counts += f", {distances} distances"
+    heights, distances = (len(found.readings(distance)) for distance in (False, True))
+    counts = f"{heights} heights" + f", {distances} distances" * bool(distances)
     return _without_empty(Table("fits", f"The file's own readings: {counts}", header, rows))
 
 
@@ -49,8 +51,8 @@ def parameters(found: Assessment) -> Table:
         scale, unit = UNITS[of["unit"]]
         name = Cell(f"{of['name']} ({of['unit']})", {"parameter": of["name"], "unit": unit})
         decimals = 3 if of["now"] is None else 4
-        values = [_cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
-        sigma = [_cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
+        values = [cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
+        sigma = [cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
         rows.append([name, *values, *sigma, of["verdict"]])
     header = ["parameter", "file", "Klipper's", "estimate", "assumed σ", "σ", "verdict"]
     return Table("parameters", "Parameters, in the file's own terms", header, rows)
@@ -58,10 +60,8 @@ def parameters(found: Assessment) -> Table:
 
 def held_out(found: Assessment) -> Table:
     """Return the errors at left-out readings, one row per calibration method."""
-    rows = [
-        [name, *(mm(of[kind]) for kind in ("heights", "distances"))]
-        for name, of in found.answer["held_out_mm"].items()
-    ]
+    ways = found.answer["held_out_mm"].items()
+    rows = [[name, cell(of["heights"]), cell(of["distances"])] for name, of in ways]
     header = ["each reading left out in turn", "heights, rms (mm)", "distances, rms (mm)"]
     title = "Prediction of held-out heights"
     return _without_empty(Table("held_out", title, header, rows))
@@ -69,17 +69,13 @@ def held_out(found: Assessment) -> Table:
 
 def bed(found: Assessment) -> Table:
     """Return the expected errors over the bed with the file's parameters and with the estimate."""
-    before, _, estimate = FITS
-    of = found.answer["bed"]
     rows = [
-        [name, *map(mm, of[key]["rms_mm"])] for name, key in ((before, "now"), (estimate, "after"))
+        [name, *map(cell, found.answer["bed"][key]["rms_mm"])]
+        for name, key in zip(FITS, ("now", "", "after"), strict=True)
+        if key
     ]
     header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
     return Table("bed", "Errors over the bed, less common shift and rotation", header, rows)
-
-
-#: Klipper's names of a planned reading's stable positions.
-_STABLE = ("pos1", "pos2")
 
 
 def plan(found: Assessment) -> Table:
@@ -87,13 +83,13 @@ def plan(found: Assessment) -> Table:
     rows = []
     for k, step in enumerate(found.answer["plan"]):
         stable = [",".join(f"{value:.3f}" for value in at) for at in step["steps"]]
-        data = {"reading": step["reading"]} | dict(zip(_STABLE, [*stable, "", ""][:2], strict=True))
-        ends = [value for end in step["ends_mm"] for value in end[:2]]
-        cells = [fixed(round(value) + 0.0, 0) for value in ends]
+        pos1, pos2 = [*stable, "", ""][:2]
+        data = {"reading": step["reading"], "pos1": pos1, "pos2": pos2}
+        cells = [fixed(round(value) + 0.0, 0) for end in step["ends_mm"] for value in end[:2]]
         cells += [Cell("", None)] * (4 - len(cells))
         x, y, z = step["sigma_mm"]
         name = Cell(step["reading"] or "before", data)
-        rows.append([Cell(str(k), k), name, *cells, mm(math.hypot(x, y)), mm(z)])
+        rows.append([Cell(str(k), k), name, *cells, cell(math.hypot(x, y)), cell(z)])
     header = ["step", "reading", "x (mm)", "y (mm)", "to x (mm)", "to y (mm)"]
     header += ["σ in x, y (mm)", "σ in z (mm)"]
     title = "next" if "readings" in found.answer else "first"
@@ -109,15 +105,17 @@ def points_text(found: Assessment) -> str:
     """
     probed = [of["steps"][0] for of in found.answer.get("readings", ()) if of["probed"]]
     before = found.delta.positions(found.values, np.reshape(probed, (-1, 3)))[0] / MM
-    new = found.answer["next"]
-    lines = [
-        "# For Klipper: include this file in printer.cfg, then DELTA_CALIBRATE and SAVE_CONFIG.",
-        f"# {len(before)} points as probed before, and {len(new)} that tell most beside them.",
-        "[delta_calibrate]",
-        "points:",
-        *(f"    {round(x) + 0}, {round(y) + 0}" for x, y in [*before[:, :2].tolist(), *new]),
-    ]
-    return "\n".join(lines) + "\n"
+    new = [step["ends_mm"][0] for step in found.answer["plan"] if step["reading"] == "height"]
+    return "\n".join(
+        [
+            "# Include this file in printer.cfg, then DELTA_CALIBRATE and SAVE_CONFIG.",
+            f"# {len(before)} points as probed before, and {len(new)} that tell most beside them.",
+            "[delta_calibrate]",
+            "points:",
+            *(f"    {round(x) + 0}, {round(y) + 0}" for x, y, _ in [*before.tolist(), *new]),
+            "",
+        ]
+    )
 
 
 def rms(values: Array) -> float:
@@ -125,14 +123,10 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
 
 
-def mm(value: float | None, decimals: int = 3) -> Cell:
-    """Return a cell of a length in mm; empty if unknown."""
-    value = math.nan if value is None else float(value)
-    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", value)
-
-
-def _cell(value: float | None, decimals: int, scale: float) -> Any:
-    return "" if value is None else Cell(f"{value:.{decimals}f}", scale * value)
+def cell(value: float | None, decimals: int = 3, scale: float = 1.0) -> Cell:
+    """Return a cell whose data is scaled; empty if there is no number."""
+    value = math.nan if value is None else value
+    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", scale * value)
 
 
 def _without_empty(table: Table) -> Table:

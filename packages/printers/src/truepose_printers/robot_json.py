@@ -34,23 +34,21 @@ def to_json(robot: Robot) -> str:
     columns, root, sigma = _core.c_knowledge(knowledge(finest, error=False).core)
     mean, box = mean_of(robot)[list(columns)], robot.spec.workspace
     places = robot.spec.home if box is None else (box.minimum, box.maximum)
-    low, high = np.broadcast_to(places, (2, robot.n)).tolist()
+    low, high = np.broadcast_to(places, (2, robot.n))
+    margin = 0.05 * (low >= high)  # a file without a workspace
     readings = zip(robot.readings, reading_units(robot), strict=True)
-    shapes = [
-        (dict(rows), whole) for whole, rows in _core.c_description(finest.core_drawn)["chain"]
-    ]
+    chains = _core.c_description(finest.core_drawn)["chain"]
     content: dict[str, Any] = {
         "format": files.mark(KIND),
-        "abi": _core.c_abi,
         "name": robot.name,
         "title": robot.spec.title,
         "coordinates": [{"name": name, "unit": unit} for name, unit in robot.coordinates],
         "readings": [{"name": name, "unit": unit} for name, unit in readings],
         "home": list(robot.spec.home),
-        "workspace": {"minimum": low, "maximum": high},
+        "workspace": {"minimum": (low - margin).tolist(), "maximum": (high + margin).tolist()},
         "chains": [
-            {"actuator": whole[0], "bar": whole[2]} | {name: of[name] for name in _SHAPE}
-            for of, whole in shapes
+            {"actuator": whole[0]} | {name: dict(of)[name] for name in _SHAPE}
+            for whole, of in chains
         ],
         "parameters": [
             {"name": name, "unit": unit_of(robot, name), "column": column, "mean": expected}

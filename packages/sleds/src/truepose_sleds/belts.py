@@ -5,8 +5,6 @@ redundant readings. The choice of the two motors does not affect the result. Len
 sled's plane, as the firmware logs them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Sequence
@@ -393,14 +391,14 @@ def robot_of(begun: frame.Frame, sigma: float, model: Model) -> Robot:
     return calibrated(robot, values, knowledge.triangular(root), "a common extension, assumed")
 
 
-def held_out(lengths: Array, model: Model, parts: int = 9) -> Array:
+def held_out(lengths: Array, model: Model) -> Array:
     """Predict every ninth row from the others; σ is re-estimated without it each time.
 
     Returns the errors of the lower belts predicted by the upper ones, (N, 2) m.
     """
-    part, begun = np.arange(len(lengths)) % parts, frame.start(lengths)
+    part, begun = np.arange(len(lengths)) % 9, frame.start(lengths)
     wrong = np.zeros((len(lengths), 2))
-    for k in range(parts):
+    for k in range(9):
         sled = calibrate(lengths[part != k], model, begun=begun)
         wrong[part == k] = sled.predicted(lengths[part == k])
     return wrong

@@ -6,8 +6,6 @@ sled's position error over the box of the poses that were read, all belts weight
 shift and rotation does not count, since the work's place on the board is arbitrary.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reading of a sled's files by their content: CLBM text, serial logs, CSV, maslow.yaml."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial

@@ -123,7 +123,7 @@ def map_of(state: State, kind: str) -> Map:
     x = np.tile(state.x_d, (points * points, 1))
     x[:, :2] = np.stack(np.meshgrid(*np.linspace(low, high, points).T), axis=-1).reshape(-1, 2)
     if error:
-        values = error_at(robot, x, state.terms)
+        values = errors_at(robot, x, state.terms.use(robot), state.terms.confidence)
     else:
         parallel, serial = robot.conditioning(x, errors="nan")
         values = np.minimum(parallel, serial.min(axis=1))
@@ -171,11 +171,6 @@ def contributions(robot: Robot, terms: Terms) -> ErrorBudget:
     ('theta', 'wire1') 1.0
     """
     return error_budget(robot, terms.use(robot), Criterion(confidence=terms.confidence))
-
-
-def error_at(robot: Robot, x: Array, terms: Terms) -> Array:
-    """Return the position error that the share of robots keeps at each pose, (N,); NaN: none."""
-    return errors_at(robot, x, terms.use(robot), terms.confidence)
 
 
 def plan(robot: Robot, terms: Terms) -> PosePlan:

@@ -53,7 +53,7 @@ class Playback:
 def opened(robot: Robot, log: Log) -> Playback:
     """Check a log, and predict every row.
 
-    InputError: units, signs or columns are wrong, or no sensor was read.
+    InputError: no pose from the motors, a stuck reading, or no sensor was read.
     """
     log, findings = log_checks.check(robot, log)
     if refused := [finding.text for finding in findings if finding.refused]:
@@ -65,9 +65,9 @@ def opened(robot: Robot, log: Log) -> Playback:
     return Playback(model, log, notes, expect(model, log.readings))
 
 
-def simulated_log(state: State, poses: int, seed: int = 0) -> Playback:
+def simulated_log(state: State, poses: int) -> Playback:
     """Simulate a log of the true robot at poses of its workspace."""
-    q_e = simulate_log(state.drawn, state.truth, poses, seed).q_e
+    q_e = simulate_log(state.drawn, state.truth, poses, 0).q_e
     table = dict(zip(state.drawn.readings, q_e.T, strict=True))
     return opened(state.drawn, logs.of(state.drawn, table))
 

@@ -115,7 +115,8 @@ def _exchanged(columns: Array, names: Sequence[str]) -> Iterator[tuple[Array, st
     for of in orders:
         whole = np.arange(len(names))
         whole[columns[list(of)]] = columns
-        text = _reordered([names[k] for k in columns], of)
+        own = [names[k] for k in columns]
+        text = reordered(own, [own[k] for k in of])
         yield whole, text, LN_RATE - math.log(len(orders))
 
 
@@ -135,12 +136,15 @@ def _orders(count: int) -> Iterator[tuple[int, ...]]:
     yield from sorted(found)
 
 
-def _reordered(names: list[str], order: tuple[int, ...]) -> str:
-    moved = [k for k, held in enumerate(order) if k != held]
-    if len(moved) == 2:
-        return f"{names[moved[0]]} and {names[moved[1]]}: swapped"
-    said, held = (", ".join(names[k] for k in of) for of in (moved, [order[k] for k in moved]))
-    return f"{said}: in another order, they hold {held}"
+def reordered(names: Sequence[str], held: Sequence[str]) -> str:
+    """Say which column holds which, "-" before its name where with the other sign."""
+    moved = [k for k, name in enumerate(names) if held[k] != name]
+    said, others = (", ".join(of[k] for k in moved) for of in (names, held))
+    if all(held[k] == f"-{names[k]}" for k in moved):
+        return f"{said}: {'its sign is' if len(moved) == 1 else 'their signs are'} flipped"
+    if len(moved) == 2 and "-" not in others:
+        return said.replace(", ", " and ") + ": swapped"
+    return f"{said}: in another order, they hold {others}"
 
 
 def body(case: Case) -> Iterator[Hypothesis]:

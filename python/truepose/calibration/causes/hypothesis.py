@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.fit import Calibration
+from truepose.calibration.fit import Calibration, joint_prior
 from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.influences import NuisanceParameter, relaxed
 from truepose.calibration.registration import Registration
@@ -150,9 +150,7 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     before. Each of the `most` equations that the fit does not use counts as an average one, each
     motor of a row that the geometry cannot reach as a gross error.
     """
-    before = [amount.prior_sigma for amount in fit.others.values()]
-    prior = np.linalg.slogdet(fit.prior_covariance)[1] + 2 * np.log(before).sum()
-    after = np.linalg.slogdet(fit.joint_covariance)[1]
+    after, prior = (np.linalg.slogdet(of)[1] for of in (fit.joint_covariance, joint_prior(fit)))
     cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.n * lost(fit)
     density = 0.0  # of readings, over that of the scaled ones
     for mistake in of.each:

@@ -8,7 +8,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import Hypothesis
-from truepose.calibration.fit import Calibration
+from truepose.calibration.fit import Calibration, joint_prior
 from truepose.logs import Log
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
@@ -86,15 +86,13 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
             robot = each.leans(robot, unknowns[p + k]) if each.leans else robot
         return robot, joint, T
 
-    before = np.diag([0.0] * p + [known.prior_sigma**2 for known in fit.others.values()])
-    before[:p, :p] = fit.prior_covariance
     values = np.array([*(fit.robot.parameters[name].value for name in names), *amounts])
     usual = [
         *(fit.prior.parameters[n].mean for n in names),
         *(o.prior for o in fit.others.values()),
     ]
     robot, joint, T = robot_of(fit.robot, values, fit.joint_covariance)
-    prior, prior_covariance, _ = robot_of(fit.prior, np.array(usual), before)
+    prior, prior_covariance, _ = robot_of(fit.prior, np.array(usual), joint_prior(fit))
     readings = of.log.readings - sum(
         amounts[k] * np.asarray(each.influences[-1].pattern)
         for each, k in acting

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.causes.columns import DEGREES, UNITS
+from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
+from truepose.calibration.causes.rows import later
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.registration import Registration, registration_of
 from truepose.logs import orientation
@@ -43,9 +44,8 @@ class View:
 
     def __init__(self, case: Case):
         robot = case.robot.expected()
-        self.robot, self.names = robot, case.log.outside_names(robot)
-        self.angle = angles(robot)
-        self.by: Registration = registration_of(case.options.registration)
+        self.names, self.angle = case.log.outside_names(robot), angles(robot)
+        self.by = registration_of(case.options.registration)
         self.x = poses_of(robot, case.log.readings[:, : robot.n])
         self.spatial = robot.spec.mobility == "spatial"
         self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
@@ -60,7 +60,8 @@ class View:
         total = 0.0
         good = np.isfinite(self.x).all(axis=1)
         place = np.flatnonzero(~self.angle)
-        R = np.eye(3) if self.by.base is None else np.asarray(self.by.base)[:3, :3]
+        base = self.by.begin()[0]
+        R = base[:3, :3]
         some = good & np.isfinite(measured[:, place]).all(axis=1)
         if len(place) and some.sum() >= 4:
             p, D = (
@@ -69,8 +70,8 @@ class View:
             if self.unknown:
                 p, D = p - np.median(p, axis=0), D - np.median(D, axis=0)
                 R = nearest(p.T @ D)
-            elif self.by.base is not None:
-                p = p - np.asarray(self.by.base)[:3, 3]
+            else:
+                p = p - base[:3, 3]
             total += _share(np.linalg.norm(p - D @ R.T, axis=1), D)
         some = good & np.isfinite(measured[:, self.angle]).all(axis=1)
         if not self.angle.any() or some.sum() < 4:
@@ -194,17 +195,8 @@ def _held(view: View, P: Array, columns: Array, mirrored: bool) -> str:
     size = len(P)
     if mirrored and view.unknown and not (view.told and len(columns) == size):
         return f"{', '.join(names)}: mirrored: two axes exchanged, or one with its sign flipped"
-    moved = np.flatnonzero((np.eye(size) != P).any(axis=0))
-    signs, source = P.T[moved].sum(axis=1), np.abs(P.T[moved]).argmax(axis=1)
-    if (source == moved).all():
-        shown = ", ".join(names[k] for k in moved)
-        said = f"{shown}: {'its sign is' if len(moved) == 1 else 'their signs are'} flipped"
-    elif len(moved) == 2 and (signs > 0).all():
-        said = f"{names[moved[0]]} and {names[moved[1]]}: swapped"
-    else:
-        held = (("-" if s < 0 else "") + names[k] for k, s in zip(source, signs, strict=True))
-        shown = ", ".join(names[k] for k in moved)
-        said = f"{shown}: in another order, they hold {', '.join(held)}"
+    source = zip(np.abs(P).argmax(axis=0), P.sum(axis=0), strict=True)
+    said = reordered(names[:size], [("-" if sign < 0 else "") + names[k] for k, sign in source])
     said += f", and so {', '.join(names[size:])}" * (len(names) > size)
     if mirrored or size < 2 or view.angle[columns[0]]:
         return said
@@ -283,10 +275,5 @@ def _shifted(view: View, given: Array) -> Iterator[Candidate]:
     names = ", ".join(np.array(view.names)[some])
     for size in range(1, min(LATE, len(given) // 4) + 1):
         for by in (size, -size):
-            moved = np.full_like(given, np.nan)
-            if by > 0:
-                moved[:-by] = given[by:]
-            else:
-                moved[-by:] = given[:by]
             text = f"{names}: their rows are {size} too {'late' if by > 0 else 'early'}"
-            yield Candidate(text, moved)
+            yield Candidate(text, later(given, by))

@@ -14,6 +14,7 @@ from truepose.calibration.causes.rows import steps
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import patterns
+from truepose.calibration.parity import parity
 from truepose.robot import knowledge
 from truepose.robot.units import reading_units
 from truepose.show.units import PRINT
@@ -76,32 +77,24 @@ def over_persisting(
     Errors have a white part and, in one column or all, one of correlation ρ^|i - j| between rows i
     and j. The marginal likelihood, to first order about the fit, is the largest over both parts.
     """
-    robot, n = fit.robot, fit.robot.n
+    robot = fit.robot
     names = knowledge.uncertain(fit.prior)
     rows = np.arange(len(fit.x)) if rows is None else rows
     good = np.isfinite(np.hstack([fit.x, fit.residuals])).all(axis=1)
     rows = rows[good[rows]]
     if robot.r == 0 or len(rows) < 4:
         return math.inf
-    H_x, H_xi = knowledge.linearized(robot, fit.x[rows], names, "nan", fit.level)
-    A = np.concatenate(
-        [-H_x[:, n:] @ np.linalg.inv(H_x[:, :n]), np.tile(np.eye(robot.r), (len(rows), 1, 1))],
-        axis=2,
-    )
+    A = parity(robot, fit.x[rows], fit.level, model_error=False).signature
+    H_xi = knowledge.linearized(robot, fit.x[rows], names, "nan", fit.level)[1]
     acting = [*case.influences, *of.influences]
     by = A @ patterns(robot, acting, len(fit.x))[rows]
     known = [fit.parameters[name] for name in names] + [fit.influences[of.name] for of in acting]
     moved = np.array([p.value - p.prior for p in known])
     H = np.concatenate([A @ H_xi, by], axis=2)
     y = (A @ fit.residuals[rows][..., None])[..., 0] + H @ moved
-    root = np.zeros((len(known), len(known)))
-    root[: len(names), : len(names)] = knowledge.root(fit.prior, names)
-    amounts = np.arange(len(names), len(known))
-    root[amounts, amounts] = [of.amount[1] for of in acting]
-    A = A * knowledge.reading_sigma(robot)
-    L = np.linalg.cholesky(A @ A.swapaxes(1, 2))
-    white = np.linalg.solve(L, np.concatenate([A, H @ root, y[..., None]], axis=2))
-    A, F, y = np.split(white, [n + robot.r, white.shape[2] - 1], axis=2)
+    sigma = np.array([of.amount[1] for of in acting])
+    root = knowledge.beside_root(knowledge.root(fit.prior, names), sigma)
+    A, F = A * knowledge.reading_sigma(robot), H @ root
     own = len(names) + [of is slip.influences[-1] for of in acting].index(True)
     others = [k for k in range(len(known)) if k != own]
     F = F[..., [*others, own]].reshape(-1, len(known))

@@ -16,9 +16,9 @@ from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import patterns
 from truepose.calibration.learnt import chi2_quantile
+from truepose.calibration.parity import parity
 from truepose.calibration.registration import sigmas
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
+from truepose.logs import Log
 from truepose.robot.units import reading_units
 
 #: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
@@ -41,12 +41,16 @@ def shifted(case: Case) -> Iterator[Hypothesis]:
             if abs(by) >= len(case.log.readings):
                 continue
             readings = case.log.readings.copy()
-            readings[:, k] = np.roll(readings[:, k], -by, axis=0)
-            readings[-by:, k] = readings[-by:, k] if by < 0 else np.nan
-            if by < 0:
-                readings[:-by, k] = np.nan
+            readings[:, k] = later(readings[:, k], by)
             text = f"{name}: {its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
             yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
+
+
+def later(values: Array, by: int) -> Array:
+    """Return each row's values `by` rows later; NaN where there are none."""
+    result = np.roll(values, -by, axis=0)
+    result[slice(-by, None) if by > 0 else slice(-by)] = np.nan
+    return result
 
 
 def runs_of(read: Array, rows: Array, step: float) -> list[Array]:
@@ -56,21 +60,24 @@ def runs_of(read: Array, rows: Array, step: float) -> list[Array]:
     return [rows[a:b] for a, b in zip(starts, ends, strict=True) if b - a >= STUCK]
 
 
+def stuck_at(log: Log, column: int, rows: Array) -> str:
+    """Say where a column is stuck, and at which reading."""
+    value, where = log.readings[rows[0], column], f"{log.lines[rows[0]]} to {log.lines[rows[-1]]}"
+    return f"{log.names[column]}: stuck at {value:.6g} on {len(rows)} {log.word}s ({where})"
+
+
 def stuck(case: Case) -> Iterator[Hypothesis]:
     """Readings of one column that are stuck for part of the log."""
     steps = np.maximum(case.robot.resolution, 1e-9)
-    for k, name in enumerate(case.log.names):
-        read = case.log.readings[:, k]
+    for k, read in enumerate(case.log.readings.T):
         if not (found := runs_of(read, np.flatnonzero(np.isfinite(read)), steps[k])):
             continue
         lost = np.concatenate(found)
         if len(lost) > 0.7 * len(case.log.readings):
             continue
         readings = case.log.readings.copy()
-        value, readings[lost, k] = readings[lost[0], k], np.nan
-        where = case.log.at([lost[0]]), case.log.lines[lost[-1]]
-        text = f"{name}: stuck at {value:.6g} on {len(lost)} rows ({where[0]} to {where[1]})"
-        yield case.with_readings(readings, text=text)
+        readings[lost, k] = np.nan
+        yield case.with_readings(readings, text=stuck_at(case.log, k, lost))
 
 
 def slipped(case: Case) -> Iterator[Hypothesis]:
@@ -104,9 +111,13 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     acting = case.influences
     by, amounts = patterns(case.robot, acting, count), np.array([of.amount for of in acting])
     usual, sigma = amounts.reshape(-1, 2).T
-    y, F, A, rows = parity(case.robot.expected(), case.log.readings - by @ usual)
-    if count < 4 or len(rows) == 0 or len(masks) == 0 or case.robot.r == 0:
+    model, readings = case.robot.expected(), case.log.readings - by @ usual
+    x = poses_of(model, readings[:, : model.n])
+    rows = np.flatnonzero(np.isfinite(np.hstack([x, readings])).all(axis=1))
+    if count < 4 or len(rows) == 0 or len(masks) == 0 or model.r == 0:
         return
+    A, F = parity(model, x[rows])
+    y = (A @ (readings[rows] - model.extended_positions(x[rows]))[..., None])[..., 0]
     F = np.concatenate([F, A @ (by[rows] * sigma)], axis=2)
     stacked = F.reshape(-1, F.shape[-1])
     half = np.linalg.cholesky(stacked.T @ stacked + np.eye(F.shape[-1]))
@@ -122,26 +133,6 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
         span, unit = float(spans[columns].max()), Size(reading_units(case.robot)[which[0]])
         step = case.with_pattern(pattern, max(span / 5, 1e-6), text="", size=unit)
         yield ", ".join(case.log.names[k] for k in which), best, step
-
-
-def parity(model: Robot, readings: Array) -> tuple[Array, Array, Array, Array]:
-    """Return y, F, A of the rows with a pose and every reading, and their numbers.
-
-    y, (N, r), are the sensors less their prediction by the motors, F, (N, r, p), of the geometry in
-    units of its uncertainty, A, (N, r, n + r), of the readings; all whitened.
-    """
-    n = model.n
-    x = poses_of(model, readings[:, :n])
-    rows = np.flatnonzero(np.isfinite(x).all(axis=1) & np.isfinite(readings).all(axis=1))
-    names = knowledge.uncertain(model)
-    H_x, H_xi = knowledge.linearized(model, x[rows], names, "nan")
-    J = np.linalg.inv(H_x[:, :n])
-    A = np.concatenate([-H_x[:, n:] @ J, np.tile(np.eye(model.r), (len(rows), 1, 1))], axis=2)
-    off = readings[rows] - model.extended_positions(x[rows])
-    L = np.linalg.cholesky((A * knowledge.reading_sigma(model) ** 2) @ A.swapaxes(1, 2))
-    F = A @ H_xi @ knowledge.root(model, names)
-    white = np.linalg.solve(L, np.concatenate([F, A, off[:, n:, None]], axis=2))
-    return white[..., -1], white[..., : len(names)], white[..., len(names) : -1], rows
 
 
 def gross(case: Case) -> Iterator[Hypothesis]:

@@ -27,6 +27,7 @@ from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import TrueposeError
+from truepose.robot.workspace import samples_or_home
 from truepose.show.units import PRINT
 
 #: Every cause by name; a new one is a generator of hypotheses and an entry here.
@@ -126,7 +127,8 @@ def search(
         left = [of for of in tried if all(of is not each.of for each in found)]
         found = _once([*found, *explained(left, STEPS)])
     if _puzzling(found):
-        likely = [each for each in found if not vague(each) and each.log_odds > DECISIVE]
+        least = DECISIVE if begun else -math.inf  # against no mistake, which has no fit
+        likely = [each for each in found if not vague(each) and each.log_odds > least]
         for after in (case.under(each.of) for each in likely[:SECOND]):
             found += explained([after.beside(of) for of in _tried(after)], QUICK)
         found = _once(found)
@@ -254,7 +256,7 @@ def _tried(case: Case) -> list[Hypothesis]:
         every = [of for of in every if of.kind not in VAGUE]
     sized = [of for of in every if of.size is not None or of.kind in ALWAYS]
     others = [of for of in every if of.size is None and of.kind not in ALWAYS]
-    far = [_contradiction(of) for of in others]
+    far = [_contradiction(case, of) for of in others]
     return sized + [others[k] for k in np.argsort(far, kind="stable")[:FITTED]]
 
 
@@ -264,14 +266,16 @@ def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
         yield from (replace(of, kind=kind) for of in CAUSES[kind](case))
 
 
-def _contradiction(of: Hypothesis) -> float:
+def _contradiction(case: Case, of: Hypothesis) -> float:
     """Return how far readings are from the motors' prediction; a row without one counts most."""
-    seen = expect(of.robot, of.log.readings)
-    if of.robot.r == 0:
-        return float((~np.isfinite(seen.x).all(axis=1)).sum())
+    seen, log = expect(of.robot, of.log.readings), of.log
+    read = np.isfinite(log.readings[:, of.robot.n :])
     each = np.log1p((seen.residual / seen.sigma) ** 2)
-    read = np.isfinite(of.log.readings[:, of.robot.n :])
-    return float(np.where(np.isfinite(each), each, 30.0)[read].mean()) if read.any() else np.inf
+    off = np.where(np.isfinite(each), each, 30.0)[read]
+    far = float(off.mean()) if off.size else 30 * float(np.isnan(seen.x).any(axis=1).mean())
+    if log.measured is not None:
+        far += outside.View(case.under(of)).distance(log.measured)
+    return far
 
 
 def _judged(base: Calibration | None, found: list[Explained]) -> Search:
@@ -324,10 +328,9 @@ def _alike(first: Calibration, second: Calibration) -> bool:
 
 def separating(first: Calibration, second: Calibration) -> Array | None:
     """Return the pose of the workspace at which the readings of two robots differ most, in σ."""
-    box = first.robot.spec.workspace
-    if box is None:
+    if first.robot.spec.workspace is None:
         return None
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (200, first.robot.n))
+    x = samples_or_home(first.robot, 200)
     q = first.robot.ikm(x, errors="nan")
     rows = np.hstack([q, np.zeros((len(q), first.robot.r))])
     a, b = (expect(of.robot, rows) for of in (first, second))

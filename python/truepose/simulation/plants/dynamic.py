@@ -135,9 +135,8 @@ def visit(
     if run.start is not None or run.end is not None:
         raise InputError("run: x_d names all poses: leave out start and end")
     controller = controller_of(controller, robot, effects)
-    prepared = prepare(
-        robot, truth, controller, ("home", robot.home), run, effects, faults, monitor
-    )
+    run.check(controller)
+    prepared = prepare(robot, truth, controller, robot.home, run, effects, faults, monitor)
     x, q_e, swing, held, status, cycles, reason = _core.Loop(*prepared.first).visit(
         rows, run.duration, run.hold, *prepared.last
     )

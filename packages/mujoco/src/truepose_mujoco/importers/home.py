@@ -1,7 +1,5 @@
 """Home pose, working mode and workspace of an imported ankle, wrist or neck."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

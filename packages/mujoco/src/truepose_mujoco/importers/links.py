@@ -1,7 +1,5 @@
 """Rigid bodies of a model, and the links and loops between them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Readers of MJCF, and of a URDF with a YAML file of its loops, within limits of size."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Passive axes and rods of an ankle, wrist or neck in a model."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

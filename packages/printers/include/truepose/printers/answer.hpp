@@ -4,13 +4,12 @@
 #include "truepose/printers/assess.hpp"
 
 namespace truepose::printers {
-/// Lines of the changed values for printer.cfg, or commands for Marlin and RepRapFirmware.
+/// The changed values of Klipper's options.
 inline vector<pair<Place, string>> changes_of(const Assessment& of) {
   vector<pair<Place, string>> changes;
   for (int k = 0; k < of.printer.delta.count(); ++k)
     if (const Option& each = of.printer.options[k]; of.prior.sigma[k] > 0 || each.angle())
-      changes.push_back(
-          {{each.section, each.option}, format("%.6f", of.estimate.theta[k] / each.scale())});
+      changes.push_back({each.place, format("%.6f", of.estimate.theta[k] / each.scale())});
   return changes;
 }
 
@@ -23,9 +22,21 @@ inline Vector with_equal_rods(const Estimate& of, const Delta& delta) {
   return of.theta - gain * (D * gain).ldlt().solve(D * of.theta);
 }
 
-inline void write(Json& json, const char* name, const Bed& of) {
-  json.key(name).open('{').members("rms_mm", Vector3(of.rms() / kMm)).key("error_mm");
-  json.list(of.points.size(), [&](size_t k) { json.value(Vector3(of.error(k) / kMm)); }).close('}');
+/// Lines for printer.cfg, or commands for Marlin and RepRapFirmware.
+inline vector<string> lines_of(const Assessment& of) {
+  const Config& config = of.config;
+  if (config.kind != "klipper")
+    return lines_to_send(
+        config.own_rods ? of.estimate.theta : with_equal_rods(of.estimate, of.printer.delta),
+        config.kind == "marlin", config.own_rods);
+  vector<string> lines;
+  string section;
+  const auto changes = changes_of(of);
+  for (const auto& [place, value] : Options(changes.begin(), changes.end())) {
+    if (place.first != section) lines.push_back("[" + (section = place.first) + "]");
+    lines.push_back(place.second + " = " + value);
+  }
+  return lines;
 }
 
 inline void write_fit(Json& json, const Assessment& of) {
@@ -37,7 +48,7 @@ inline void write_fit(Json& json, const Assessment& of) {
     const double sigma = sqrt(of.estimate.covariance(k, k));
     const bool own = k < delta.count(), free = before > 0;
     string said = free ? verdict_of(before, sigma) : "the axes' direction";
-    if (!delta.rotary && k >= delta.rod() && k < delta.rod() + 3 && !of.extended() &&
+    if (!delta.rotary && k >= delta.rod() && k < delta.endstop() && !of.extended() &&
         said == "identified")
       said = "barely";  // heights alone never identify an arm: a longer one with a larger radius
                         // touches the same bed
@@ -52,43 +63,49 @@ inline void write_fit(Json& json, const Assessment& of) {
   json.key("readings").list(of.printer.readings.size(), [&](int k) {
     const Reading& reading = of.printer.readings[k];
     json.object("name", reading.name, "distance", reading.distance, "probed", reading.probed,
-                "value_mm", reading.value / kMm,                 //
-                "residual_now_mm", of.fits[0].off[k] / kMm,      //
-                "residual_klipper_mm", of.fits[1].off[k] / kMm,  //
-                "residual_mm", of.fits[2].off[k] / kMm,          //
-                "left_out_mm", of.judged.off[k] / kMm,           //
-                "detectable_mm", of.judged.shows[k] / kMm,       //
+                "value_mm", reading.value / kMm,             //
+                "residual_now_mm", of.fits[0][k] / kMm,      //
+                "residual_klipper_mm", of.fits[1][k] / kMm,  //
+                "residual_mm", of.fits[2][k] / kMm,          //
+                "left_out_mm", of.judged.off[k] / kMm,       //
+                "detectable_mm", of.judged.shows[k] / kMm,   //
                 "outlier", of.judged.wrong == k, "steps",
                 vector<Vector3>(reading.at, reading.at + 1 + reading.distance));
   });
-  json.key("rms_mm").object("now", rms(of.fits[0].off) / kMm, "klipper", rms(of.fits[1].off) / kMm,
-                            "estimate", rms(of.fits[2].off) / kMm);
+  json.key("rms_mm").object("now", rms(of.fits[0]) / kMm, "klipper", rms(of.fits[1]) / kMm,
+                            "estimate", rms(of.fits[2]) / kMm);
   json.key("held_out_mm").open('{');
   for (const Residuals& way : of.held_out)
-    json.key(way.name).object("heights", rms_finite(of.of_heights(way)) / kMm, "distances",
-                              rms_finite(of.of_distances(way)) / kMm, "off", Vector(way.off / kMm));
+    json.key(way.name).object("heights", of.left(way.off) / kMm, "distances",
+                              of.left(way.off, true) / kMm);
   const Noise& noise = of.judged.noise;
   json.close('}').key("noise").object("heights_mm", noise.sigma[0] / kMm,    //
                                       "heights_dof", noise.dof[0],           //
                                       "distances_mm", noise.sigma[1] / kMm,  //
                                       "distances_dof", noise.dof[1],         //
                                       "detectable_mm", of.judged.least / kMm);
-  json.key("bed").open('{').key("points").list(of.after.points.size(), [&](size_t k) {
-    const Vector3& at = of.after.points[k];
-    double now = kNaN;
-    for (size_t j = 0; j < of.before.points.size(); ++j)
-      if (of.before.points[j] == at) now = of.before.offset[j][2];
-    json.value(Eigen::Vector<double, 5>(
-        Eigen::Vector<double, 5>(at[0], at[1], now, of.after.offset[k][2], of.after.sigma[k][2]) /
-        kMm));
+  const Bed& now = of.before;
+  const Bed& after = of.after;
+  json.key("bed").open('{').key("points").list(after.points.size(), [&](size_t k) {
+    Eigen::Vector<double, 5> row;
+    row << after.points[k].head<2>(), now.offset[k][2], after.offset[k][2], after.sigma[k][2];
+    json.value(row / kMm);
   });
-  write(json, "now", of.before);
-  write(json, "after", of.after);
+  for (const auto& [name, bed] : {pair("now", &now), pair("after", &after)})
+    json.key(name)
+        .open('{')
+        .members("rms_mm", bed->rms() / kMm)
+        .key("error_mm")
+        .list(bed->points.size(), [&](size_t k) { json.value(bed->error(k) / kMm); })
+        .close('}');
   json.close('}').members("words", of.words, "verdict", of.verdict, "rely", of.rely, "theta",
-                          of.estimate.theta);
+                          of.estimate.theta, "lines", lines_of(of));
   json.key("covariance").list(of.estimate.theta.size(), [&](int k) {
-    json.value(Vector(of.estimate.covariance.row(k)));
+    json.value(of.estimate.covariance.row(k));
   });
+  if (of.config.kind == "klipper" && !of.config.log)
+    json.members("config",
+                 rewritten(of.config, changes_of(of), nominal_to_keep(of.prior, of.printer)));
 }
 
 /// The answer to a text: one JSON object. Lengths in mm and angles in degrees; steps, and without a
@@ -98,33 +115,12 @@ inline string answer(string_view text, const Request& request) {
   Json json;
   if (!of.config.error.empty()) return json.object("error", one_line(of.config.error, 2000)).text();
   const Delta& delta = of.printer.delta;
-  const bool klipper = of.config.kind == "klipper";
   json.open('{').members("kind", of.config.kind, "kinematics",
                          delta.rotary ? "rotary_delta" : "delta", "p",
-                         Vector(of.printer.theta.head(delta.count())), "step", delta.step);
-  if (of.read) {
-    write_fit(json, of);
-    vector<string> lines;
-    if (!klipper)
-      lines = lines_to_send(
-          of.config.own_rods ? of.estimate.theta : with_equal_rods(of.estimate, delta),
-          of.config.kind == "marlin", of.config.own_rods);
-    else
-      for (const char* section : {"printer", "stepper_a", "stepper_b", "stepper_c"}) {
-        lines.push_back("[" + string(section) + "]");
-        for (const auto& [place, value] : changes_of(of))
-          if (place.first == section) lines.push_back(place.second + " = " + value);
-      }
-    json.members("lines", lines);
-    if (klipper && !of.config.log)
-      json.members("config",
-                   rewritten(of.config, changes_of(of), nominal_to_keep(of.prior, of.printer)));
-  }
-  json.members("notes", of.notes, "assumptions", of.assumptions);
-  vector<Eigen::Vector2d> next;
-  for (size_t k = 1; k < of.plan.size(); ++k)
-    if (!of.plan[k].distance) next.push_back(of.plan[k].at[0].head<2>() / kMm);
-  json.members("next", next).key("plan").list(of.plan.size(), [&](size_t k) {
+                         of.printer.theta.head(delta.count()), "step", delta.step, "notes",
+                         of.notes, "assumptions", of.assumptions);
+  if (of.read) write_fit(json, of);
+  json.key("plan").list(of.plan.size(), [&](size_t k) {
     const Planned& planned = of.plan[k];
     vector<Vector3> ends, steps;
     for (int end = 0; k > 0 && end <= planned.distance; ++end) {
@@ -134,8 +130,8 @@ inline string answer(string_view text, const Request& request) {
     json.object("reading",
                 k == 0             ? ""
                 : planned.distance ? "distance"
-                                   : "height",
-                "sigma_mm", Vector3(planned.sigma / kMm), "ends_mm", ends, "steps", steps);
+                                   : "height",  //
+                "sigma_mm", planned.sigma / kMm, "ends_mm", ends, "steps", steps);
   });
   return json.close('}').text();
 }

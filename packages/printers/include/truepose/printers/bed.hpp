@@ -9,21 +9,6 @@
 #include "truepose/printers/judge.hpp"
 
 namespace truepose::printers {
-/// Predicted errors over the bed for the parameters in use; no points if they cannot reach it.
-struct Bed {
-  vector<Vector3> points, offset, sigma;  ///< nozzle by the estimate − desired position; its σ
-
-  Vector3 error(size_t k) const {
-    return (offset[k].array().square() + sigma[k].array().square()).sqrt();
-  }
-  Vector3 rms() const {
-    Vector3 sum = Vector3::Zero();
-    for (size_t k = 0; k < points.size(); ++k) sum += error(k).cwiseAbs2();
-    return points.empty() ? Vector3::Constant(kNaN)
-                          : Vector3((sum / double(points.size())).cwiseSqrt());
-  }
-};
-
 /// Evenly spread points of a disc at z = 0, on rings.
 inline vector<Vector3> disc(int rings, double radius) {
   vector<Vector3> points{Vector3::Zero()};
@@ -36,41 +21,48 @@ inline vector<Vector3> disc(int rings, double radius) {
 }
 constexpr int kRings = 12;  ///< of points over the bed
 
+/// Predicted errors over the bed for the parameters in use; NaN out of their reach.
+struct Bed {
+  vector<Vector3> points, offset, sigma;  ///< nozzle by the estimate − desired position; its σ
+
+  Vector3 error(size_t k) const {
+    return (offset[k].array().square() + sigma[k].array().square()).sqrt();
+  }
+  Vector3 rms() const {
+    Vector3 sum = Vector3::Zero();
+    double count = 0;
+    for (size_t k = 0; k < points.size(); ++k)
+      if (error(k).allFinite()) sum += error(k).cwiseAbs2(), ++count;
+    return (sum / count).cwiseSqrt();
+  }
+};
+
 /// Predict the errors of a printer that uses the parameters `used`: its file's, or the estimate's.
 inline Bed over_the_bed(const Delta& delta, const Vector& used, const Estimate& found,
                         double radius) {
-  Bed bed;
-  vector<Matrix> E;
-  for (const Vector3& x : disc(kRings, radius)) {
+  Bed bed{disc(kRings, radius), {}, {}};
+  const int P = delta.count(), size = 3 * int(bed.points.size());
+  Matrix E = Matrix::Zero(size, P + 1), rigid = Matrix::Zero(size, 3);  // ∂x/∂p, then the offset
+  vector<int> reached;
+  for (int row = 0; row < size; row += 3) {
+    const Vector3& x = bed.points[row / 3];
     Matrix slopes;
     const Vector3 there = delta.position(found.theta, delta.steps(used, x), &slopes);
     if (!there.allFinite() || !slopes.allFinite()) continue;
-    bed.points.push_back(x);
-    bed.offset.push_back(there - x);
-    E.push_back(std::move(slopes));
+    E.middleRows<3>(row) << slopes, there - x;
+    rigid.middleRows<3>(row) << 1, 0, -x[1], 0, 1, x[0], 0, 0, 0;  // shifts and rotation
+    reached.push_back(row);
   }
-  const size_t count = bed.points.size();
-  if (count < 2 * kRings) return {};
-  const int N = int(count);
-  Matrix rigid(2 * N, 3), planar(2 * N, delta.count());  // shifts and rotation of x and y
-  Vector off(2 * N);
-  for (int k = 0; k < N; ++k) {
-    const size_t at = size_t(k);
-    rigid.row(2 * k) << 1, 0, -bed.points[at][1];
-    rigid.row(2 * k + 1) << 0, 1, bed.points[at][0];
-    planar.middleRows(2 * k, 2) = E[at].topRows(2);
-    off.segment<2>(2 * k) = bed.offset[at].head<2>();
-  }
-  const Matrix remove = (rigid.transpose() * rigid).inverse() * rigid.transpose();
-  planar -= rigid * (remove * planar);
-  off -= rigid * (remove * off);
-  const Matrix covariance = found.covariance.topLeftCorner(delta.count(), delta.count());
-  for (int k = 0; k < N; ++k) {
-    const size_t at = size_t(k);
-    E[at].topRows(2) = planar.middleRows(2 * k, 2);
-    bed.offset[at].head<2>() = off.segment<2>(2 * k);
-    bed.sigma.push_back(
-        (E[at] * covariance * E[at].transpose()).diagonal().cwiseMax(0).cwiseSqrt());
+  bed.offset = bed.sigma = vector<Vector3>(bed.points.size(), Vector3::Constant(kNaN));
+  if (reached.size() < 2 * kRings) return bed;
+  E -= rigid * (rigid.transpose() * rigid).inverse() * (rigid.transpose() * E);
+  for (const int row : reached) {
+    const Matrix J = E.block(row, 0, 3, P);
+    bed.offset[row / 3] = E.block<3, 1>(row, P);
+    bed.sigma[row / 3] = (J * found.covariance.topLeftCorner(P, P) * J.transpose())
+                             .diagonal()
+                             .cwiseMax(0)
+                             .cwiseSqrt();
   }
   return bed;
 }
@@ -89,91 +81,90 @@ inline vector<Planned> next_readings(const Printer& printer, const Estimate& fou
                                      const Assumed& noise, int count, int heights_first) {
   constexpr double kShortest = 20 * kMm;
   constexpr int kExchanges = 20;
-  const Delta& delta = printer.delta;
-  const auto at = [&](const Vector3& x) { return slopes(delta, found, x); };
-  vector<Planned> plan;
+  const auto at = [&](const Vector3& x) { return slopes(printer.delta, found, x); };
   Matrix M[3];
   for (Matrix& each : M) each.setZero(found.P.rows(), found.P.rows());
   double points = 0;
   for (const Vector3& x : disc(kRings, printer.radius))
     if (const Matrix E = at(x); E.allFinite()) {
       for (int i = 0; i < 3; ++i) M[i] += E.row(i).transpose() * E.row(i);
-      points += 1;
+      ++points;
     }
-  if (points == 0) return plan;
+  if (points == 0) return {};
   struct Candidate {
     Planned reading;
     Vector g;
     double variance = 0;
   };
   vector<Candidate> candidates;
-  for (const Vector3& x : disc(4, printer.radius))
-    candidates.push_back(
-        {{false, {x, x}, Vector3::Zero()}, at(x).row(2), pow(noise.noise(false), 2)});
-  const vector<Vector3> pillars = disc(2, 0.9 * printer.radius);
-  for (size_t a = 0; a < pillars.size(); ++a)
-    for (size_t b = a + 1; b < pillars.size(); ++b) {
-      const Vector3 apart = pillars[a] - pillars[b];
-      if (apart.norm() <= kShortest) continue;
-      const Vector3 along = (1 - found.theta[delta.count()]) * apart.normalized();
-      const Vector g = (at(pillars[a]) - at(pillars[b])).transpose() * along +
-                       found.S.transpose().rightCols<2>() * Eigen::Vector2d(-apart.norm(), 1);
-      candidates.push_back(
-          {{true, {pillars[a], pillars[b]}, Vector3::Zero()}, g, pow(noise.noise(true), 2)});
-    }
-  const auto taken = [&](Matrix& by, int k) {  // covariance with one reading more
-    const Candidate& each = candidates[k];
-    const Vector step = by * each.g;
-    by -= step * step.transpose() / (each.variance + each.g.dot(step));
+  const auto add = [&](bool distance, const Vector3& a, const Vector3& b, const Vector& g) {
+    candidates.push_back({{distance, {a, b}, Vector3::Zero()}, g, pow(noise.noise(distance), 2)});
   };
-  const auto best = [&](const Matrix& by, const vector<int>& among, bool height) {
-    const Matrix all = by * (M[0] + M[1] + M[2]) * by;
-    int at = -1;
+  for (const Vector3& x : disc(4, printer.radius)) add(false, x, x, at(x).row(2));
+  const vector<Vector3> pillars = disc(2, 0.9 * printer.radius);
+  for (const Vector3& a : pillars)
+    for (const Vector3& b : pillars)
+      if (const Vector3 apart = a - b; &a < &b && apart.norm() > kShortest)
+        add(true, a, b,
+            (at(a) - at(b)).transpose() * (1 - found.theta[printer.delta.count()]) *
+                    apart.normalized() +
+                found.S.transpose().rightCols<2>() * Eigen::Vector2d(-apart.norm(), 1));
+  using Pool = vector<const Candidate*>;
+  const auto covariance = [&](const Pool& taken) {
+    Matrix P = found.P;
+    for (const Candidate* each : taken) {
+      const Vector step = P * each->g;
+      P -= step * step.transpose() / (each->variance + each->g.dot(step));
+    }
+    return P;
+  };
+  const auto best = [&](const Pool& taken, const Pool& among, size_t number) {
+    const Matrix P = covariance(taken), all = P * (M[0] + M[1] + M[2]) * P;
+    const Candidate* at = nullptr;
     double most = 0;
-    for (const int k : among) {
-      const Candidate& each = candidates[k];
-      const double gain = each.g.dot(all * each.g) / (each.variance + each.g.dot(by * each.g));
-      if (gain > most * (1 + 1e-9) && !(height && each.reading.distance)) {  // NaN: out of reach
-        most = gain;
-        at = k;
-      }
+    for (const Candidate* each : among) {
+      if (each->reading.distance && int(number) < heights_first) continue;
+      const double gain = each->g.dot(all * each->g) / (each->variance + each->g.dot(P * each->g));
+      if (!(gain > most * (1 + 1e-9))) continue;  // NaN: out of reach
+      most = gain;
+      at = each;
     }
     return at;
   };
-  vector<int> left, chosen;
-  for (size_t k = 0; k < candidates.size(); ++k) left.push_back(k);
-  Matrix P = found.P;
-  while (int(chosen.size()) < count) {
-    const int next = best(P, left, int(chosen.size()) < heights_first);
-    if (next < 0) break;
-    taken(P, next);
-    chosen.push_back(next);
-    std::erase(left, next);
-  }
+  const auto one_by_one = [&](Pool among) {
+    Pool taken;
+    while (int(taken.size()) < count) {
+      const Candidate* next = best(taken, among, taken.size());
+      if (!next) break;
+      taken.push_back(next);
+      std::erase(among, next);
+    }
+    return taken;
+  };
+  Pool left;
+  for (const Candidate& each : candidates) left.push_back(&each);
+  Pool chosen = one_by_one(left);
+  for (const Candidate* each : chosen) std::erase(left, each);
   // Exchange one for a better one until none is; then the most useful first.
-  bool changed = chosen.size() < left.size();
+  bool changed = !left.empty();
   for (int round = 0; round < kExchanges && changed; ++round) {
     changed = false;
     for (size_t k = 0; k < chosen.size(); ++k) {
-      P = found.P;
-      for (size_t j = 0; j < chosen.size(); ++j)
-        if (j != k) taken(P, chosen[j]);
+      Pool others = chosen;
+      others.erase(others.begin() + std::ptrdiff_t(k));
       left.insert(left.begin(), chosen[k]);  // itself unless another is better
-      chosen[k] = best(P, left, int(k) < heights_first);
+      chosen[k] = best(others, left, k);
       changed = changed || chosen[k] != left.front();
       std::erase(left, chosen[k]);
     }
   }
-  Planned reading;
-  P = found.P;
-  for (int k = 0;; ++k) {
-    for (int i = 0; i < 3; ++i) reading.sigma[i] = sqrt(P.cwiseProduct(M[i]).sum() / points);
-    plan.push_back(reading);
-    const int next = best(P, chosen, k < heights_first);
-    if (next < 0) return plan;
-    taken(P, next);
-    reading = candidates[next].reading;
-    std::erase(chosen, next);
+  chosen = one_by_one(chosen);
+  vector<Planned> plan;
+  for (size_t k = 0; k <= chosen.size(); ++k) {
+    const Matrix P = covariance(Pool(chosen.begin(), chosen.begin() + std::ptrdiff_t(k)));
+    Planned& each = plan.emplace_back(k ? chosen[k - 1]->reading : Planned());
+    for (int i = 0; i < 3; ++i) each.sigma[i] = sqrt(P.cwiseProduct(M[i]).sum() / points);
   }
+  return plan;
 }
 }  // namespace truepose::printers

@@ -76,39 +76,30 @@ struct Delta {
     return x;
   }
 
-  /// Slopes of (L_i² - |g|²) / 2, g = x - C_i(q), by p, and by q; by x they are -g.
-  Eigen::RowVectorXd sphere(const Vector& p, int i, const Vector3& x, double q, Vector3& g,
-                            double& by_q) const {
-    const double c = cos(p[angle() + i]), s = sin(p[angle() + i]), cq = cos(q), sq = sin(q);
-    const double u = rotary ? p[upper() + i] : 0;
-    g = x - joint(p, i, q);
-    const double out = c * g[0] + s * g[1];
-    Eigen::RowVectorXd by_p = Eigen::RowVectorXd::Zero(count());
-    by_p[0] = out;
-    by_p[angle() + i] = (p[0] + u * cq) * (c * g[1] - s * g[0]);
-    by_p[rod() + i] = p[rod() + i];
-    if (rotary) {
-      by_p[1] = g[2];
-      by_p[upper() + i] = cq * out + sq * g[2];
-    }
-    by_q = rotary ? u * (cq * g[2] - sq * out) : g[2];
-    return by_p;
-  }
-  /// Slopes of the nozzle x, whose motors are at q, by p at fixed steps: with x at the spheres, and
-  /// with (0, 0, E_i) there when motor i is at its endstop.
+  /// Slopes of the nozzle x, whose motors are at q, by p at fixed steps. Each tower's sphere,
+  /// (L² - |g|²) / 2 with g = x - C(q), stays 0, at x and with (0, 0, E) where its motor is at its
+  /// endstop; its slopes by x are -g.
   Matrix slopes_at(const Vector& p, const Vector3& x, const Vector3& q) const {
     Eigen::Matrix3d A;
     Matrix B(3, count());
-    Vector3 g;
-    double by_q;
     for (int i = 0; i < 3; ++i) {
-      const Vector3 end(0, 0, p[endstop() + i]);
-      Eigen::RowVectorXd home = -sphere(p, i, end, homed(p, i), g, by_q);
-      home[endstop() + i] += g[2];
-      home /= by_q;
-      B.row(i) = sphere(p, i, x, q[i], g, by_q);
-      B.row(i) += by_q * home;
-      A.row(i) = g;
+      const double c = cos(p[angle() + i]), s = sin(p[angle() + i]);
+      const double u = rotary ? p[upper() + i] : 0;
+      Eigen::RowVectorXd home;
+      for (const bool homing : {true, false}) {
+        const double at = homing ? homed(p, i) : q[i], cq = cos(at), sq = sin(at);
+        const Vector3 g = (homing ? Vector3(0, 0, p[endstop() + i]) : x) - joint(p, i, at);
+        const double out = c * g[0] + s * g[1];
+        const double by_q = rotary ? u * (cq * g[2] - sq * out) : g[2];
+        Eigen::RowVectorXd by_p = Eigen::RowVectorXd::Zero(count());
+        by_p[0] = out;
+        by_p[angle() + i] = (p[0] + u * cq) * (c * g[1] - s * g[0]);
+        by_p[rod() + i] = p[rod() + i];
+        if (rotary) by_p[1] = g[2], by_p[upper() + i] = cq * out + sq * g[2];
+        if (homing) by_p[endstop() + i] = -g[2], home = -by_p / by_q;
+        B.row(i) = by_p + by_q * home;
+        A.row(i) = g;
+      }
     }
     return A.inverse() * B;
   }

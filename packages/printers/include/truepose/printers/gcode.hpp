@@ -27,12 +27,13 @@ inline string unread(const Words& words, bool marlin) {
     const Command* of = command_of(word.substr(0, word.find(' ')));
     const char letter = word.back();
     const bool tower = letter == 'A' || letter == 'B' || letter == 'C';
-    const bool is_radius = marlin && word == "M665 B" && values[0] > kTrim;
+    const bool trim = fabs(values[0]) <= kTrim;
     bool used = of->used.find(letter) != of->used.npos && values.size() == 1;
-    if (tower && of->name == "M665") used = marlin ? fabs(values[0]) <= kTrim : letter == 'B';
+    if (tower && of->name == "M665")
+      used = marlin ? trim || (letter == 'B' && values[0] > 0) : letter == 'B';
     if (tower && of->name == "M666") used = !marlin;
     if (word == "M665 L") used = values.size() == 1 || values.size() == 3;
-    if (used || is_radius || of->idle == "*" || of->idle.find(letter) != of->idle.npos ||
+    if (used || of->idle == "*" || of->idle.find(letter) != of->idle.npos ||
         (marlin && word == "M206 Z"))
       continue;
     known = known && of->name != "M665";
@@ -68,7 +69,7 @@ inline Vector parameters_of(const Words& words, bool marlin, Delta& delta) {
     const double trim = marlin ? value_of(words, string("M665 ") + "ABC"[i]) : 0;
     p[delta.rod() + i] =
         L->second[L->second.size() == 3 ? size_t(i) : 0] + (fabs(trim) <= kTrim ? trim : 0);
-    p[delta.angle() + i] = kTurns[i] + value_of(words, string("M665 ") + axis);
+    p[delta.angle() + i] = kTurns[0][i] + value_of(words, string("M665 ") + axis);
     p[delta.endstop() + i] =
         value_of(words, "M665 H") + (marlin ? -1 : 1) * value_of(words, string("M666 ") + axis);
     delta.step[i] = 1 / value_of(words, string("M92 ") + axis, 80);
@@ -83,20 +84,14 @@ inline string points_of(const Probing& of, double probe_radius, vector<Vector3>&
       return by + " changed " + word +
              ", which was not printed before this probing: send M503 (RepRapFirmware: M665, M666), "
              "probe again";
-  for (const auto& [letter, name] :
-       {pair("L", "length of the rods"), pair("R", "radius"), pair("H", "homed height")})
-    if (!of.words.contains(string("M665 ") + letter))
-      return format("M665 has no %s, the %s (M503 lists it)", letter, name);
+  for (const auto& [word, name] : {pair("M665 L", "length of the rods"), pair("M665 R", "radius"),
+                                   pair("M665 H", "homed height")})
+    if (!of.words.contains(word))
+      return format("M665 has no %c, the %s (M503 lists it)", word[5], name);
   const bool marlin = of.by != "G32";
   if (string said = unread(of.words, marlin); !said.empty()) return said;
-  const double A = value_of(of.words, "M666 A") / 100, B = value_of(of.words, "M666 B") / 100;
-  const char* probe = marlin ? "M851 " : "G31 ";
-  double dx = value_of(of.words, string(probe) + "X");
-  double dy = value_of(of.words, string(probe) + "Y");
-  const auto option = [&](char letter, double otherwise) {
-    const auto at = of.options.find(letter);
-    return at == of.options.end() ? otherwise : at->second;
-  };
+  const string probe = marlin ? "M851 " : "G31 ";
+  Vector3 offset(value_of(of.words, probe + "X"), value_of(of.words, probe + "Y"), 0);
   points = of.bed;
   for (size_t k = 0; k < of.g32.size(); ++k) {
     if (of.places.size() != of.g32.size() || !of.places.contains(int(k)))
@@ -106,110 +101,94 @@ inline string points_of(const Probing& of, double probe_radius, vector<Vector3>&
     points.emplace_back(of.places.at(int(k)).first, of.places.at(int(k)).second, of.g32[k]);
   }
   if (!of.g33.empty()) {
-    const bool shifted = option('O', 0) != 0;
-    if (option('P', 3) > 3)
-      return format("G33 P%g: its heights are means of several points; send G33 P3 V0",
-                    option('P', 3));
+    const bool shifted = option_of(of.options, 'O', 0) != 0;
+    const double P = option_of(of.options, 'P', 3), B = value_of(of.words, "M665 B");
+    if (P > 3) return format("G33 P%g: its heights are means of several points; send G33 P3 V0", P);
     if (shifted && !of.words.contains("M851 X"))
       return "G33 O: the probe's offset (M851 X… Y…) is missing";
-    if (!shifted) dx = dy = 0;  // the nozzle is at these points
-    const double B_radius = value_of(of.words, "M665 B");
-    const bool by_B = B_radius > kTrim && !shifted && option('R', 0) == 0;
-    const double radius = probe_radius > 0 ? probe_radius
-                          : of.radius > 0  ? of.radius
-                          : by_B           ? B_radius
-                                           : 0;
+    if (!shifted) offset.setZero();  // the nozzle is at these points
+    const bool by_B = B > kTrim && !shifted && option_of(of.options, 'R', 0) == 0;
+    const double radius = probe_radius > 0 ? probe_radius : of.radius > 0 || !by_B ? of.radius : B;
     if (!(radius > 0))
       return "G33 of this firmware does not print where it probes: give the radius of its points "
              "(--probe-radius MM)";
-    const map<string, double> at{{"x", 210}, {"xy", 270}, {"y", 330},
-                                 {"yz", 30}, {"z", 90},   {"zx", 150}};
+    constexpr pair<const char*, double> kTurned[] = {{"x", 210}, {"xy", 270}, {"y", 330},
+                                                     {"yz", 30}, {"z", 90},   {"zx", 150}};
     for (const auto& [name, z] : of.g33) {
-      const auto turn = at.find(name);
-      const double angle = turn == at.end() ? 0 : turn->second * kDegree;
-      const double r = turn == at.end() ? 0 : radius;
-      points.emplace_back(r * cos(angle), r * sin(angle), z);
+      points.emplace_back(0, 0, z);
+      for (const auto& [other, turn] : kTurned)
+        if (name == other)
+          points.back() += radius * Vector3(cos(turn * kDegree), sin(turn * kDegree), 0);
     }
   }
   for (Vector3& at : points) {
-    at -= Vector3(dx, dy, 0);
-    at[2] += marlin ? 0 : A * at[0] + B * at[1];
+    at -= offset;
+    if (!marlin)
+      at[2] += (value_of(of.words, "M666 A") * at[0] + value_of(of.words, "M666 B") * at[1]) / 100;
   }
   return {};
 }
 
 /// A Marlin or RepRapFirmware session as Klipper's configuration; any other text as Klipper's own.
 inline Config read(string_view text, double probe_radius) {
-  if ((text.find("M665") == text.npos && text.find("delta radius") == text.npos) ||
-      text.find("===== Config file =====") != text.npos)
+  const auto has = [&](string_view word) { return text.find(word) != text.npos; };
+  if (!(has("M665") || has("delta radius")) || has("===== Config file ====="))
     return parse_config(text);
-  Config failed;
-  if (text.size() > 100 * kMostBytes) {
-    failed.fail(format("more than %d bytes", int(100 * kMostBytes)));
-    return failed;
-  }
   const Session session(text);
   if (!session.seen) return parse_config(text);
-  if (session.probings.empty())
-    failed.fail(
-        "no probed heights: Marlin's answers to G33 P3 V0 or G30 X… Y…, or RepRapFirmware's "
-        "bed.g with 'G30 P0 X… Y…' and its 'bed probe heights'");
+  Config config;
   // The last probing of several points whose settings are known.
   const Probing* of = nullptr;
+  const int count = int(session.probings.size());
   vector<Vector3> bed;
   string why;
-  int number = int(session.probings.size());
   for (const int fewest : {kFewest, 1})
-    for (int k = int(session.probings.size()); k-- > 0 && !of;) {
+    for (int k = count; k-- > 0 && !of;) {
       const Probing& each = session.probings[k];
       if (each.points() < fewest) continue;
-      vector<Vector3> points;
-      const string said = points_of(each, probe_radius, points);
+      const string said = points_of(each, probe_radius, bed);
       if (why.empty()) why = said;
-      if (!said.empty()) continue;
-      of = &each;
-      bed = points;
-      number = k + 1;
+      if (said.empty()) of = &each;
     }
-  if (!of) failed.fail(why);
-  if (!failed.error.empty()) return failed;
+  if (count == 0)
+    why =
+        "no probed heights: Marlin's answers to G33 P3 V0 or G30 X… Y…, or RepRapFirmware's "
+        "bed.g with 'G30 P0 X… Y…' and its 'bed probe heights'";
+  if (!of) config.fail(why);
+  if (!of) return config;
 
   const bool marlin = of->by != "G32";
   Delta delta, later;
   const Vector p = parameters_of(of->words, marlin, delta);
   Words at_end = session.words;
   at_end.insert(of->words.begin(), of->words.end());
-  const bool known = unread(at_end, marlin).empty() &&
-                     std::none_of(of->words.begin(), of->words.end(), [&](const auto& word) {
-                       return session.lost.contains(word.first);
-                     });
+  bool known = unread(at_end, marlin).empty();
+  for (const auto& [word, _] : of->words) known = known && !session.lost.contains(word);
   if (!known) at_end = of->words;
   const Vector now = parameters_of(at_end, marlin, later);
-  for (const Vector& each : {p, now})
-    if (const double shortest = each.segment<3>(delta.rod()).minCoeff();
-        !(shortest > each[0] && each[0] > 0 && delta.step.minCoeff() > 0 &&
-          delta.step.allFinite() && later.step.minCoeff() > 0 && later.step.allFinite()))
-      failed.fail(
+  for (const auto& [each, steps] : {pair(&p, &delta.step), pair(&now, &later.step)})
+    if (const double radius = (*each)[0], rod = each->segment<3>(delta.rod()).minCoeff();
+        !(rod > radius && radius > 0 && steps->minCoeff() > 0 && steps->allFinite()))
+      config.fail(
           format("rods of %g mm must be longer than the radius, %g mm, and M92's steps "
                  "greater than 0",
-                 shortest, each[0]));
+                 rod, radius));
   if (bed.size() > kMostReadings)
-    failed.fail(format("%d probed heights: at most %d", int(bed.size()), kMostReadings));
+    config.fail(format("%d probed heights: at most %d", int(bed.size()), kMostReadings));
   double reach = 0;
   Vector in_rad = p;
   in_rad.segment<3>(delta.angle()) *= kDegree;
   string lines =
       format("[printer]\nkinematics: delta\ndelta_radius: %.17g\n[%s]\n", now[0], kSection);
-  for (size_t k = 0; k < bed.size() && failed.error.empty(); ++k) {
-    const Vector3& at = bed[k];
-    reach = max(reach, sqrt(at[0] * at[0] + at[1] * at[1]));
-    const Vector3 steps = delta.steps(in_rad, at);
+  for (size_t k = 0; k < bed.size(); ++k) {
+    const Vector3 steps = delta.steps(in_rad, bed[k]);
+    reach = max(reach, bed[k].head<2>().norm());
     if (!steps.allFinite())
-      failed.fail(format("no rod reaches (%g, %g) mm, a probed point", at[0], at[1]));
+      config.fail(format("no rod reaches (%g, %g) mm, a probed point", bed[k][0], bed[k][1]));
     lines += format("height%d: 0\nheight%d_pos: %.4f,%.4f,%.4f\n", int(k), int(k), steps[0],
                     steps[1], steps[2]);
   }
-  if (!failed.error.empty()) return failed;
+  if (!config.error.empty()) return config;
   const double radius = marlin ? 0 : value_of(of->words, "M665 B");
   lines += format("radius: %.17g\n", radius > 0 ? radius : reach);
   for (int i = 0; i < 3; ++i)
@@ -218,32 +197,33 @@ inline Config read(string_view text, double probe_radius) {
         "position_endstop: %.17g\n",
         "abc"[i], later.step[i], now[later.rod() + i], now[later.angle() + i],
         now[later.endstop() + i]);
-  Config config = parse_config(lines);
+  config = parse_config(lines);
   config.kind = marlin ? "marlin" : "rrf";
-  const vector<double>& rods = of->words.at("M665 L");
-  config.own_rods = rods.size() == 3;
+  config.own_rods = of->words.at("M665 L").size() == 3;
   for (const char* word : {"M665 A", "M665 B", "M665 C"})
     config.own_rods = config.own_rods || (marlin && of->words.contains(word) &&
                                           fabs(value_of(of->words, word)) <= kTrim);
-  if (session.probings.size() > 1)
-    config.notes.push_back(
-        format("%d probings: number %d is used, %d heights, with M665 R%g H%g, in force then%s%s",
-               int(session.probings.size()), number, int(bed.size()), value_of(of->words, "M665 R"),
-               value_of(of->words, "M665 H"), why.empty() ? "" : "; not the last: ", why.c_str()));
+  vector<string>& notes = config.notes;
+  if (count > 1)
+    notes.push_back(format(
+        "%d probings: number %d is used, %d heights, with M665 R%g H%g, in force then%s%s", count,
+        int(of - &session.probings[0]) + 1, int(bed.size()), value_of(of->words, "M665 R"),
+        value_of(of->words, "M665 H"), why.empty() ? "" : "; not the last: ", why.c_str()));
   if (!known)
-    config.notes.push_back(
+    notes.push_back(
         "the settings were changed after this probing and not printed: 'the file's parameters' "
         "are those in force while it was taken");
-  else if ((now - p).cwiseAbs().maxCoeff() > 0)
-    config.notes.push_back(
+  else if (now != p)
+    notes.push_back(
         "the settings were changed after this probing: 'the file's parameters' are the later ones");
-  if (value_of(at_end, "M851 Z") != value_of(of->words, "M851 Z"))
-    config.notes.push_back(
+  if (const double first = value_of(of->words, "M851 Z"), last = value_of(at_end, "M851 Z");
+      first != last)
+    notes.push_back(
         format("M851 Z was changed from %g to %g after this probing: its heights, and so the homed "
                "height, are by the former",
-               value_of(of->words, "M851 Z"), value_of(at_end, "M851 Z")));
+               first, last));
   if (!of->g33.empty() && !of->options.contains('P'))
-    config.notes.push_back(
+    notes.push_back(
         "G33's P is not in the text: from P4 on its heights are means of "
         "several points; send G33 P3 V0");
   return config;
@@ -253,19 +233,16 @@ inline Config read(string_view text, double probe_radius) {
 inline vector<string> lines_to_send(const Vector& p, bool marlin, bool own_rods = true) {
   const Delta delta;
   const Vector3 arms = p.segment<3>(delta.rod()) / kMm, ends = p.segment<3>(delta.endstop()) / kMm;
-  const Vector3 trims = p.segment<3>(delta.angle()) / kDegree - Vector3(kTurns);
+  const Vector3 trims = p.segment<3>(delta.angle()) / kDegree - Vector3(kTurns[0]);
   const double mean = arms.mean(), height = marlin ? ends.minCoeff() : ends.mean();
-  const Vector3 own = marlin ? Vector3((height - ends.array()).matrix())
-                             : Vector3((ends.array() - height).matrix());
-  const Vector3 off = (arms.array() - mean).matrix();
+  const Vector3 off = arms.array() - mean, own = (ends.array() - height) * (marlin ? -1 : 1) + 0.0;
   const string rods = !own_rods ? format("L%.3f", mean)
                       : marlin  ? format("L%.3f A%.3f B%.3f C%.3f", mean, off[0], off[1], off[2])
                                 : format("L%.3f:%.3f:%.3f", arms[0], arms[1], arms[2]);
   return {"M665 " + rods +
               format(" R%.3f H%.3f X%.3f Y%.3f Z%.3f", p[0] / kMm, height, trims[0], trims[1],
                      trims[2]),
-          format("M666 X%.3f Y%.3f Z%.3f", own[0] + 0.0, own[1] + 0.0, own[2] + 0.0) +
-              (marlin ? "" : " A0 B0"),
+          format("M666 X%.3f Y%.3f Z%.3f", own[0], own[1], own[2]) + (marlin ? "" : " A0 B0"),
           "M500"};
 }
 }  // namespace truepose::printers

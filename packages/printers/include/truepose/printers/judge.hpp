@@ -73,28 +73,30 @@ inline Linear linear(const Delta& delta, const Readings& readings, const Estimat
 
 /// The noise of linear readings, without one of them, from a start of σ. `assumed`: the prior's
 /// centre.
-inline Noise noise_of(Linear of, const Assumed& assumed, const double* start, int without = -1) {
+inline Noise noise_of(const Linear& of, const Assumed& assumed, const double* start,
+                      int without = -1) {
   constexpr int kRounds = 100;
-  const auto size = of.G.cols();
-  double count[2] = {double(of.heights), double(of.y.size() - of.heights)};
-  if (without >= 0) {
-    of.G.row(without).setZero();
-    of.y[without] = 0;
-    --count[without >= of.heights];
-  }
-  const Matrix G[2] = {of.G.topRows(of.heights), of.G.bottomRows(of.y.size() - of.heights)};
-  const Vector y[2] = {of.y.head(of.heights), of.y.tail(of.y.size() - of.heights)};
-  const Matrix A[2] = {G[0].transpose() * G[0], G[1].transpose() * G[1]};
+  const Matrix& G = of.G;
   Noise found{{start[0], start[1]}, {}, {}, {}};
   for (int round = 0; round < kRounds; ++round) {
-    const double w[2] = {pow(found.sigma[0], -2), pow(found.sigma[1], -2)};
-    found.P = (Matrix::Identity(size, size) + w[0] * A[0] + w[1] * A[1]).inverse();
-    found.u = found.P * (w[0] * G[0].transpose() * y[0] + w[1] * G[1].transpose() * y[1]);
-    double change = 0;
+    Vector w(of.y.size());
+    for (int k = 0; k < w.size(); ++k)
+      w[k] = k == without ? 0 : pow(found.sigma[k >= of.heights], -2);
+    const Matrix I = Matrix::Identity(G.cols(), G.cols());
+    found.P = (I + G.transpose() * w.asDiagonal() * G).inverse();
+    found.u = found.P * G.transpose() * w.cwiseProduct(of.y);
+    const Vector off = of.y - G * found.u, lever = (G * found.P).cwiseProduct(G).rowwise().sum();
+    double left[2], change = 0;
+    for (int kind = 0; kind < 2; ++kind)
+      found.dof[kind] = kDof, left[kind] = kDof * pow(assumed.noise(kind), 2);
+    for (int k = 0; k < w.size(); ++k)
+      if (const int kind = k >= of.heights; k != without) {
+        found.dof[kind] += 1 - w[k] * lever[k];
+        left[kind] += off[k] * off[k];
+      }
     for (int kind = 0; kind < 2; ++kind) {
-      found.dof[kind] = kDof + count[kind] - w[kind] * found.P.cwiseProduct(A[kind]).sum();
-      const double last = found.sigma[kind], left = (y[kind] - G[kind] * found.u).squaredNorm();
-      found.sigma[kind] = sqrt((kDof * pow(assumed.noise(kind), 2) + left) / found.dof[kind]);
+      const double last = found.sigma[kind];
+      found.sigma[kind] = sqrt(left[kind] / found.dof[kind]);
       change = max(change, fabs(found.sigma[kind] / last - 1));
     }
     if (change < 1e-4) break;
@@ -106,13 +108,6 @@ inline Noise noise_of(Linear of, const Assumed& assumed, const double* start, in
 inline double detectable(double scale, double dof, int count) {
   return scale * (student_beyond(kFalseAlarm / (2 * count), dof) + student_beyond(1 - kPower, dof));
 }
-inline double median(vector<double> values) {
-  if (values.empty()) return kNaN;
-  const size_t half = values.size() / 2;
-  std::sort(values.begin(), values.end());
-  return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
-
 /// Every reading tested against all others, and its detectability.
 struct Judged {
   Noise noise;
@@ -168,19 +163,17 @@ inline int more_heights(const Delta& delta, const Estimate& found, const Linear&
                         const Noise& noise, double radius) {
   const double sigma2 = noise.sigma[0] * noise.sigma[0];
   for (int more = 1; more <= kMostAdvised; ++more) {
-    vector<Vector> rows;
-    for (int k = 0; k < of.heights; ++k) rows.push_back(of.G.row(k));
-    Matrix known_then = noise.P.inverse();
-    for (const Vector3& at : spread(more, radius)) {
-      rows.push_back(slopes(delta, found, at).row(2));
-      known_then += rows.back() * rows.back().transpose() / sigma2;
-    }
-    const Matrix P = known_then.inverse();
-    double sum = 0;
-    vector<double> spare, shows;
-    for (const Vector& row : rows) sum += spare.emplace_back(1 - row.dot(P * row) / sigma2);
+    const vector<Vector3> at = spread(more, radius);
+    Matrix G(of.heights + more, of.G.cols());
+    G.topRows(of.heights) = of.G.topRows(of.heights);
+    for (int k = 0; k < more; ++k) G.row(of.heights + k) = slopes(delta, found, at[k]).row(2);
+    const Matrix added = G.bottomRows(more);
+    const Matrix P = (noise.P.inverse() + added.transpose() * added / sigma2).inverse();
+    const Vector spare = 1 - (G * P).cwiseProduct(G).rowwise().sum().array() / sigma2;
+    vector<double> shows;
     for (const double each : spare)
-      shows.push_back(detectable(sqrt(sigma2 / each), kDof + sum - each, int(of.y.size()) + more));
+      shows.push_back(
+          detectable(sqrt(sigma2 / each), kDof + spare.sum() - each, int(of.y.size()) + more));
     if (median(shows) <= kError) return more;
   }
   return 0;
@@ -205,113 +198,38 @@ inline vector<Residuals> held_out(const Delta& delta, const Readings& readings,
   const bool spare = adjusted(delta, false).cols() < H;
   vector<Residuals> result;
   if (!spare && D == 0) return result;
-  const auto way = [&](string name, const Vector& begin, const Matrix& F, bool heights_alone) {
-    Vector off = Vector::Constant(count, kNaN);
-    const Vector near = fit(delta, begin, heights_alone ? heights_only(readings) : readings, F);
-    for (int kind = 0; kind < 2; ++kind) {
-      const int first = kind ? H : 0, of = kind ? D : spare ? H : 0, parts = min(of, kParts);
-      for (int part = 0; part < parts; ++part) {
-        Readings by;
-        for (int k = 0; k < (heights_alone ? H : count); ++k)
-          if (k < first || k >= first + of || (k - first) % kParts != part)
-            by.push_back(readings[k]);
-        const Vector p = heights_alone && kind ? near : fit(delta, near, by, F);
-        const Errors e = errors(delta, p, readings);
-        for (int k = part; k < of; k += kParts) off[first + k] = e.off[first + k];
-      }
-    }
-    result.push_back({std::move(name), std::move(off)});
+  const auto way = [&](const string& name) -> Vector& {
+    return result.emplace_back(name, Vector::Constant(count, kNaN)).off;
   };
-  way("bed heights alone", nominal, adjusted(delta, false), true);
+  const auto fits = [&](const string& name, const Vector& begin, const Matrix& F, int used) {
+    Vector& off = way(name);
+    const Vector near = fit(delta, begin, Readings(readings.begin(), readings.begin() + used), F);
+    for (int kind = !spare; kind < 2; ++kind)
+      for (int part = 0; part < min(kind ? D : H, kParts); ++part) {
+        Readings by;
+        vector<int> out;
+        for (int k = 0; k < count; ++k)
+          if ((k >= H) == kind && (k - kind * H) % kParts == part)
+            out.push_back(k);
+          else if (k < used)
+            by.push_back(readings[k]);
+        const bool fitted = int(by.size()) == used;  // nothing of it is left out
+        const Vector e = errors(delta, fitted ? near : fit(delta, near, by, F), readings).off;
+        for (const int k : out) off[k] = e[k];
+      }
+  };
+  fits("bed heights alone", nominal, adjusted(delta, false), H);
   if (D)
-    way(delta.rotary ? "Klipper's seven parameters" : "Klipper's nine parameters", by_klipper,
-        adjusted(delta, true), false);
-  if (D && !delta.rotary) way("one common arm", nominal, adjusted(delta, false, true), false);
-  Vector own = -judged.off;
-  if (!spare) own.head(H).setConstant(kNaN);
-  result.push_back({kEstimate, own});
+    fits(delta.rotary ? "Klipper's seven parameters" : "Klipper's nine parameters", by_klipper,
+         adjusted(delta, true), count);
+  if (D && !delta.rotary) fits("one common arm", nominal, adjusted(delta, false, true), count);
+  way(kEstimate).tail(spare ? count : D) = -judged.off.tail(spare ? count : D);
   if (D > 1) {
-    Vector off = Vector::Constant(count, kNaN);
     double sum = 0;
     for (int k = H; k < count; ++k) sum += readings[k].value;
-    for (int k = H; k < count; ++k) {
-      const double value = readings[k].value;
-      off[k] = (sum - value) / (D - 1) - value;
-    }
-    result.push_back({kMean, off});
+    Vector& off = way(kMean);
+    for (int k = H; k < count; ++k) off[k] = (sum - D * readings[k].value) / (D - 1);
   }
   return result;
-}
-
-/// A mistake in the readings, or empty: impossible, mistyped, or in another unit.
-inline string mistake(const Printer& printer, const Config& config, const Prior& known,
-                      const Assumed& assumed) {
-  constexpr double kGross = 1 * kMm, kTimes = 6;  // beyond a calliper's error; and their scatter
-  constexpr double kBed = 1 * kMm, kFactor = 0.05;
-  constexpr size_t kMany = 30;  // heights, of which a gross one alone is far off
-  const Readings& readings = printer.readings;
-  const auto unit = [&](double ratio, const string& otherwise) {
-    for (const auto& [factor, name] : {pair(1 / 25.4, "inches"), pair(0.1, "cm"), pair(1e-3, "m"),
-                                       pair(1e3, "µm"), pair(25.4, "mm of inches")})
-      if (fabs(ratio / factor - 1) < kFactor) return "in " + string(name) + "? Klipper takes mm";
-    return otherwise;
-  };
-  const Errors e = errors(printer.delta, known.mean, readings);
-  for (int k = 0; k < e.off.size(); ++k)
-    if (!isfinite(e.off[k]))
-      return readings[k].name + ": the nozzle cannot have been there; " + kChanged +
-             ", or are lengths in other units than mm?";
-  // A height: with a separate prior, since one gross height shifts the common one.
-  const Readings heights = heights_only(readings);
-  const auto left = [&](const Readings& by) {
-    Printer part = printer;
-    part.readings = by;
-    const Prior own = prior(part, config, assumed, known.arm);
-    return errors(printer.delta, estimate(printer.delta, by, own, assumed).theta, by).off;
-  };
-  const Vector off = left(heights);
-  if (!(rms(off) <= kBed)) {
-    double least = 0.2 * rms(off);
-    const Reading* wrong = nullptr;
-    for (size_t k = 0; k < heights.size() && heights.size() > 3; ++k) {
-      if (heights.size() > kMany && fabs(off[k]) < 2 * rms(off)) continue;
-      Readings by = heights;
-      by.erase(by.begin() + std::ptrdiff_t(k));
-      if (const double now = rms(left(by)); now < least) {
-        least = now;
-        wrong = &readings[k];
-      }
-    }
-    if (wrong)
-      return wrong->name + format(
-                               " = %.6g: does not fit the other heights: typed wrong? Measure it "
-                               "again, or %s",
-                               wrong->value / kMm, kTakeOut);
-  }
-  // A distance.
-  vector<double> ratio, away, length;
-  for (size_t k = heights.size(); k < readings.size(); ++k) {
-    away.push_back(-e.off[k]);
-    length.push_back(readings[k].value + e.off[k]);
-    ratio.push_back(readings[k].value / length.back());
-  }
-  if (ratio.empty()) return {};
-  if (fabs(median(ratio) - 1) > kFactor)
-    return format("distances: %.6g mm, … where the nozzle moved by %.2f mm, …: ",
-                  readings[heights.size()].value / kMm, length[0] / kMm) +
-           unit(median(ratio), string(kChanged) + ", or is a height wrong?");
-  const bool many = away.size() > 2;
-  const double middle = many ? median(away) : 0;
-  vector<double> from(away);
-  for (double& each : from) each = fabs(each - middle);
-  const double scatter = many ? 1.4826 * median(from) : 0;
-  const auto k = std::max_element(from.begin(), from.end()) - from.begin();
-  const Reading& of = readings[heights.size() + k];
-  if (from[k] > max({kGross, kTimes * scatter, many ? 0 : 0.02 * length[k]}))
-    return of.name +
-           format(" = %.6g: %.2f mm is expected%s: ", of.value / kMm, (length[k] + middle) / kMm,
-                  many ? " by the others" : "") +
-           unit(ratio[k], "typed wrong?") + " Measure it again, or " + kTakeOut;
-  return {};
 }
 }  // namespace truepose::printers

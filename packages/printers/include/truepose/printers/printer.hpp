@@ -9,10 +9,12 @@
 #include "truepose/printers/delta.hpp"
 
 namespace truepose::printers {
-constexpr double kTurns[] = {210, 330, 90};  ///< of the towers, degrees
-constexpr double kApart = 5 * kMm;           ///< largest plausible difference between arms
-constexpr int kFewest = 3;                   ///< heights that Klipper accepts
-constexpr int kMostReadings = 999;           ///< of each kind, in Klipper
+/// Of the towers, degrees, unless the file says otherwise: linear, rotary.
+constexpr double kTurns[][3] = {{210, 330, 90}, {30, 150, 270}};
+constexpr double kApart = 5 * kMm;     ///< largest plausible difference between arms
+constexpr double kManual = 0.1 * kMm;  ///< heights probed by hand are 0, or the paper's thickness
+constexpr int kFewest = 3;             ///< heights that Klipper accepts
+constexpr int kMostReadings = 999;     ///< of each kind, in Klipper
 constexpr char kTakeOut[] = "take it out and number those behind it on";
 constexpr char kSection[] = "delta_calibrate";
 
@@ -31,9 +33,10 @@ constexpr struct {
     {"width", "mm", kMm, 0.05},     // b: remaining error of the pillars' widths
 };
 
-/// Place of a parameter in the file, and which assumed σ it has.
+/// A parameter's name, place in the file, and which assumed σ it has.
 struct Option {
-  string name, section, option;
+  string name;
+  Place place;
   int kind;
   bool angle() const { return kind == TRUEPOSE_PRINTER_ANGLE; }
   double scale() const { return kSigma[kind].scale; }
@@ -43,24 +46,54 @@ struct Option {
 /// κ and b, which are in no file.
 inline vector<Option> options(bool rotary) {
   vector<Option> result;
-  if (rotary)
-    result = {{"shoulder_radius", "printer", "shoulder_radius", TRUEPOSE_PRINTER_ARM},
-              {"shoulder_height", "printer", "shoulder_height", TRUEPOSE_PRINTER_ENDSTOP}};
-  else
-    result = {{"radius", "printer", "delta_radius", TRUEPOSE_PRINTER_RADIUS}};
-  const auto each = [&](const char* name, const char* option, int kind) {
-    for (const char tower : {'a', 'b', 'c'})
-      result.push_back({string(name) + "_" + tower, string("stepper_") + tower, option, kind});
+  const auto common = [&](const char* name, const char* option, int kind) {
+    result.push_back({name, {"printer", option}, kind});
   };
+  const auto each = [&](const string& name, const char* option, int kind) {
+    for (const char tower : {'a', 'b', 'c'})
+      result.push_back({name + "_" + tower, {string("stepper_") + tower, option}, kind});
+  };
+  if (rotary) {
+    common("shoulder_radius", "shoulder_radius", TRUEPOSE_PRINTER_ARM);
+    common("shoulder_height", "shoulder_height", TRUEPOSE_PRINTER_ENDSTOP);
+  } else {
+    common("radius", "delta_radius", TRUEPOSE_PRINTER_RADIUS);
+  }
   each("angle", "angle", TRUEPOSE_PRINTER_ANGLE);
   if (rotary) each("upper_arm", "upper_arm_length", TRUEPOSE_PRINTER_ARM);
   each(rotary ? "lower_arm" : "arm", rotary ? "lower_arm_length" : "arm_length",
        TRUEPOSE_PRINTER_ARM);
   each("endstop", "position_endstop", TRUEPOSE_PRINTER_ENDSTOP);
   for (const int kind : {TRUEPOSE_PRINTER_SHRINKAGE, TRUEPOSE_PRINTER_WIDTH})
-    result.push_back({kSigma[kind].name, "", "", kind});
+    common(kSigma[kind].name, "", kind);
   return result;
 }
+
+/// Assumed σ of build and measurements, the same for all printers; m, rad, κ without unit.
+struct Assumed {
+  double sigma[TRUEPOSE_PRINTER_SIGMAS];  ///< in the order of truepose/printers.h
+
+  /// Those given, in the units of kSigma, where they are above 0.
+  Assumed(const double* given = nullptr) {
+    for (int k = 0; k < TRUEPOSE_PRINTER_SIGMAS; ++k)
+      sigma[k] = kSigma[k].scale * (given && given[k] > 0 ? given[k] : kSigma[k].usual);
+  }
+  /// σ of theta; 0: fixed.
+  Vector of(const Delta& delta) const {
+    Vector all(delta.count() + 2);
+    for (int k = 0; const Option& option : options(delta.rotary)) all[k++] = sigma[option.kind];
+    all[delta.angle() + 2] = 0;  // tower c defines the axes of x and y
+    return all;
+  }
+  double noise(bool distance) const { return sigma[TRUEPOSE_PRINTER_HEIGHT + distance]; }
+  string text() const {
+    string all;
+    for (int k = 0; k < TRUEPOSE_PRINTER_SIGMAS; ++k)
+      all += format("%s%s %g%s%s", k ? ", " : "", kSigma[k].name, sigma[k] / kSigma[k].scale,
+                    k == TRUEPOSE_PRINTER_ANGLE ? "" : " ", kSigma[k].unit);
+    return all;
+  }
+};
 
 /// A height of the bed at a stable position, or a distance between the nozzle's positions at two.
 struct Reading {
@@ -83,15 +116,61 @@ inline Readings heights_only(const Readings& readings) {
 struct Printer {
   Delta delta;
   vector<Option> options;
-  Vector theta;  ///< p, then κ and b, which are 0
+  Vector theta;     ///< p, then κ and b, which are 0
+  Vector nominal;   ///< of parameters that the file keeps as comments, else NaN
+  double arm = 0;   ///< nominal length of the arms (of a rotary delta, the lower ones), m
+  string arm_said;  ///< source of that length
+  Assumed assumed;
   Readings readings;
   double radius = 0;  ///< of the printed or probed bed
-  vector<string> notes;
+  vector<string> gaps, notes;
 };
+
+inline double median(vector<double> values) {
+  if (values.empty()) return kNaN;
+  const size_t half = values.size() / 2;
+  std::sort(values.begin(), values.end());
+  return values.size() % 2 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+/// Set the nominal values, which stand in comments. Those of a rotary delta have a prefix:
+/// SAVE_CONFIG itself comments out roughly set options, such as endstops.
+constexpr char kNominal[] = "drawn_";
+inline void read_nominal(const Config& config, Printer& printer) {
+  const Delta& delta = printer.delta;
+  printer.nominal.setConstant(delta.count(), kNaN);
+  Vector3 rods = printer.theta.segment<3>(delta.rod());
+  std::sort(rods.begin(), rods.end());
+  double was = kNaN;
+  bool by_hand = false;
+  for (int k = delta.count(); k-- > 0;) {
+    const Option& of = printer.options[k];
+    const auto commented = [&](const string& option) {
+      const auto at = config.off.find({of.place.first, option});
+      const double share =
+          at == config.off.end() ? kNaN : of.scale() * at->second / printer.theta[k];
+      return share > 0.5 && share < 2 ? share * printer.theta[k] : kNaN;  // plausible ones
+    };
+    printer.nominal[k] = commented(kNominal + of.place.second);
+    if (k < delta.rod() || k >= delta.endstop()) continue;
+    by_hand = by_hand || (config.has(of.place) && !config.saved.contains(of.place));
+    const double value = commented(of.place.second);
+    if (isnan(value)) continue;
+    was = value;
+    printer.arm_said = "[" + of.place.first + "] " + of.place.second + " before it was replaced";
+  }
+  if (!by_hand && !isnan(was)) {
+    printer.arm = was;
+    return;
+  }
+  printer.arm = rods[1];
+  printer.arm_said = rods[0] == rods[2] ? "the file, which has one for all"
+                                        : "the middle one of the file's: --arm says better";
+}
 
 /// A message if the arms differ implausibly, else empty.
 inline string unlike_arms(const Delta& delta, const Vector& p) {
-  const auto arms = p.segment<3>(delta.rod()).array() / kMm;
+  const Vector3 arms = p.segment<3>(delta.rod()) / kMm;
   const double apart = arms.maxCoeff() - arms.minCoeff();
   if (!(apart > kApart / kMm)) return {};
   return format(
@@ -100,153 +179,122 @@ inline string unlike_arms(const Delta& delta, const Vector& p) {
       arms[0], arms[1], arms[2], apart);
 }
 
-/// Notes on each missing number among the readings of a kind, or of all.
-inline vector<string> gaps(const Config& config, vector<string> stems) {
-  vector<string> notes;
-  for (const string& stem : stems) {
-    int last = -1;
-    for (int k = 0; k <= kMostReadings; ++k)
-      if (config.has(kSection, stem + to_string(k))) last = k;
-    for (int k = 0; k < last; ++k)
-      if (!config.has(kSection, stem + to_string(k))) {
-        notes.push_back(stem + to_string(k) + " is missing: as in Klipper none behind it counts, " +
-                        stem + to_string(last) + " neither");
-        break;
-      }
-  }
-  return notes;
-}
-
-inline Readings readings_of(Config& config) {
-  Readings readings;
-  for (const char* stem : {"manual_height", "height", "distance"})
-    for (int k = 0; k < kMostReadings && config.error.empty(); ++k) {
-      Reading of{stem + to_string(k)};
-      if (!config.has(kSection, of.name)) break;
-      of.distance = stem[0] == 'd';
-      of.probed = stem[0] == 'h';
-      of.value = kMm * config.number(kSection, of.name, of.distance ? 0 : -kLargest);
+/// Set the readings, and a note on each missing number.
+inline void read_readings(Config& config, Printer& printer) {
+  Readings& readings = printer.readings;
+  for (const char* stem : {"manual_height", "height", "distance"}) {
+    const auto place = [&](int k, const char* more = "") {
+      return Place(kSection, stem + to_string(k) + more);
+    };
+    int count = 0, last = 0;
+    while (config.has(place(count))) ++count;
+    for (int k = count; k <= kMostReadings; ++k)
+      if (config.has(place(k))) last = k;
+    if (last)
+      printer.gaps.push_back(place(count).second + " is missing: as in Klipper none behind it " +
+                             "counts, " + place(last).second + " neither");
+    for (int k = 0; k < min(count, kMostReadings); ++k) {
+      Reading of{place(k).second, stem[0] == 'd', stem[0] == 'h'};
+      of.value = kMm * config.number(place(k), of.distance ? 0 : -kLargest);
       for (int end = 0; end <= of.distance; ++end) {
-        const string option = of.name + (of.distance ? end ? "_pos2" : "_pos1" : "_pos");
-        const auto parts = config.parts(config.word(kSection, option), ',');
-        if (parts.size() != 3)
-          config.fail(kSection, option, "must be 3 numbers with commas between");
-        for (size_t i = 0; i < 3 && parts.size() == 3; ++i)
-          of.at[end][i] = config.checked(kSection, option, parts[i]);
+        const Place at = place(k, !of.distance ? "_pos" : end ? "_pos2" : "_pos1");
+        const vector<string> parts = parts_of(config.word(at), ',');
+        if (parts.size() != 3) config.fail(at, "must be 3 numbers with commas between");
+        for (size_t i = 0; i < 3 && config.error.empty(); ++i)
+          of.at[end][i] = config.checked(at, parts[i]);
       }
+      for (const Reading& other : readings)  // would count twice
+        if (other.distance == of.distance &&
+            ((other.at[0] == of.at[0] && other.at[1] == of.at[1]) ||
+             (other.at[0] == of.at[1] && other.at[1] == of.at[0])))
+          config.fail(place(k),
+                      "at the same place as " + other.name + ", digit for digit: " + kTakeOut);
+      if (of.distance && of.at[0] == of.at[1])
+        config.fail(place(k), string("from a point to itself: ") + kTakeOut);
+      if (!config.error.empty()) return;
       readings.push_back(of);
     }
-  // A repeated stable position would count twice.
-  using Ends = std::array<std::array<double, 3>, 2>;
-  map<Ends, string> seen;
-  for (const Reading& of : readings) {
-    Ends ends;
-    for (size_t k = 0; k < 2; ++k)
-      for (size_t i = 0; i < 3; ++i) ends[k][i] = of.at[of.distance ? k : 0][i];
-    if (ends[1] < ends[0]) std::swap(ends[0], ends[1]);
-    const auto [first, is_new] = seen.try_emplace(ends, of.name);
-    if (of.distance && ends[0] == ends[1])
-      config.fail(
-          format("[%s] %s: from a point to itself: %s", kSection, of.name.c_str(), kTakeOut));
-    else if (!is_new)
-      config.fail(format("[%s] %s: at the same place as %s, digit for digit: %s", kSection,
-                         of.name.c_str(), first->second.c_str(), kTakeOut));
   }
-  return readings;
 }
 
 /// The motion of one step: m, or rad of a rotary delta's arm.
 inline double step_of(Config& config, const string& section, bool rotary) {
-  const bool geared = config.has(section, "gear_ratio");
-  const double unit = rotary ? 1 : kMm;
-  if (config.has(section, "step_distance") && !geared && !config.has(section, "rotation_distance"))
-    return unit * config.number(section, "step_distance", 0);  // Klipper before 2021
-  const double turn = rotary ? 2 * 180 * kDegree : config.number(section, "rotation_distance", 0);
-  if (rotary && !geared) config.word(section, "gear_ratio");
-  double steps = 1;
+  const Place ratio(section, "gear_ratio"), rotation(section, "rotation_distance"),
+      step(section, "step_distance");
+  const double unit = rotary ? 2 * 180 * kDegree : kMm;
+  if (config.has(step) && !config.has(ratio) && !config.has(rotation))
+    return (rotary ? 1 : kMm) * config.number(step, 0);  // Klipper before 2021
+  double turn = unit * (rotary ? 1 : config.number(rotation, 0));
   for (const char* option : {"full_steps_per_rotation", "microsteps"}) {
-    const double count = option[0] == 'f' ? config.number_or(section, option, 200, 0)
-                                          : config.number(section, option, 0);
-    if (count != std::floor(count)) config.fail(section, option, "must be a whole number");
-    steps *= count;
+    const Place place(section, option);
+    const bool usual = option[0] == 'f' && !config.has(place);
+    const double count = usual ? 200 : config.number(place, 0);
+    if (count != std::floor(count)) config.fail(place, "must be a whole number");
+    turn /= count;
   }
-  return unit * turn / (steps * (geared ? config.ratio(section, "gear_ratio") : 1));
-}
-
-/// The probe's section, empty without a probe.
-inline string probe_of(const Config& config) {
-  for (const char* name :
-       {"probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon", "cartographer"})
-    if (config.values.contains(name)) return name;
-  return {};
+  if (rotary || config.has(ratio))
+    for (const string& gears : parts_of(config.word(ratio), ',')) {
+      const vector<string> of = parts_of(gears, ':');
+      if (of.size() != 2) config.fail(ratio, "must be pairs of numbers, as 80:16, 2:1");
+      if (config.error.empty())
+        turn *= config.checked(ratio, of[1], 0) / config.checked(ratio, of[0], 0);
+    }
+  return turn;
 }
 
 /// The printer of a configuration. Config::error has section, option, value and what is allowed.
 inline Printer printer_of(Config& config) {
   Printer printer;
   Delta& delta = printer.delta;
-  const string kinematics = config.word("printer", "kinematics");
+  const string kinematics = config.word({"printer", "kinematics"});
   delta.rotary = kinematics == "rotary_delta";
-  if (config.error.empty() && !delta.rotary && kinematics != "delta")
+  if (!delta.rotary && kinematics != "delta")
     config.fail("[printer] kinematics: unknown kinematics '" + one_line(kinematics) +
                 "' (choices: delta, rotary_delta)");
   printer.options = options(delta.rotary);
   printer.theta.setZero(delta.count() + 2);
   for (int k = 0; k < delta.count(); ++k) {
     const Option& of = printer.options[k];
-    const string first = of.section == "printer" ? of.section : "stepper_a";
-    const string section =
-        config.has(of.section, of.option) || of.angle() ? of.section : first;  // as in Klipper
-    double value = 0;
-    if (of.angle() && !config.has(of.section, of.option)) {
-      value = kTurns[k - delta.angle()];
-      if (delta.rotary)
-        config.fail(of.section, of.option,
-                    "is missing (Klipper takes 30, 150, 270 for the three): write it");
-    } else {
-      value = config.number(section, of.option, of.angle() ? -kLargest : 0);
-    }
-    printer.theta[k] = of.scale() * value;
+    Place place = of.place;
+    if (!config.has(place) && place.first != "printer") place.first = "stepper_a";  // as in Klipper
+    printer.theta[k] =
+        of.scale() * (of.angle() && !config.has(of.place) ? kTurns[delta.rotary][k - delta.angle()]
+                      : of.angle()                        ? config.number(of.place)
+                                                          : config.number(place, 0));
   }
-  for (int i = 0; i < 3 && !delta.rotary; ++i) {
-    const double arm = printer.theta[delta.rod() + i] / kMm, radius = printer.theta[0] / kMm;
-    const string own = string("stepper_") + "abc"[i];
-    if (arm <= radius)
-      config.fail(config.has(own, "arm_length") ? own : "stepper_a", "arm_length",
-                  format("an arm of %g mm must be longer than delta_radius = %g mm; are both mm?",
-                         arm, radius));
-  }
-  for (int i = 0; i < 3; ++i)
-    delta.step[i] = step_of(config, string("stepper_") + "abc"[i], delta.rotary);
-  for (int i = 0; i < 3; ++i)
+  for (int i = 0; i < 3; ++i) {
+    const Place& end = printer.options[delta.endstop() + i].place;
+    delta.step[i] = step_of(config, end.first, delta.rotary);
     if (isnan(delta.homed(printer.theta, i)))
-      config.fail(string("stepper_") + "abc"[i], "position_endstop",
-                  "the arm does not reach the middle there");
-  printer.readings = readings_of(config);
+      config.fail(end,
+                  format("the arm of %g mm does not reach the middle there; are all lengths mm?",
+                         printer.theta[delta.rod() + i] / kMm));
+  }
+  read_nominal(config, printer);
+  read_readings(config, printer);
   printer.radius = delta.rotary ? printer.theta[delta.upper()] / 2 : 0.8 * printer.theta[0];
-  if (config.has(kSection, "radius"))
-    printer.radius = kMm * config.number(kSection, "radius", 0);
-  else if (config.has("printer", "print_radius"))
-    printer.radius = kMm * config.number("printer", "print_radius", 0);
+  for (const Place& place : {Place("printer", "print_radius"), Place(kSection, "radius")})
+    if (config.has(place)) printer.radius = kMm * config.number(place, 0);
 
   vector<string>& notes = printer.notes = config.notes;
-  if (!config.included.empty()) notes.push_back("included files are not read: " + config.files());
-  if (const int line = config.broken())
-    notes.push_back(
-        format("line %d stands in what SAVE_CONFIG wrote and is no part of it: Klipper "
-               "reads none of that block then",
-               line));
-  vector<Place> relevant;
-  for (const Option& of : printer.options) relevant.emplace_back(of.section, of.option);
-  if (const auto of = config.saved.find(kSection); of != config.saved.end())
-    for (const auto& [option, _] : of->second) relevant.emplace_back(kSection, option);
-  for (const auto& [section, option] : relevant)
-    if (const string* saved = config.twice(section, option))
-      notes.push_back("[" + section + "] " + option +
-                      " stands twice: " + one_line(config.word(section, option)) +
-                      " counts, as in Klipper, and not the saved " + one_line(*saved));
-  for (string& note : gaps(config, {"manual_height", "height", "distance"}))
-    notes.push_back(std::move(note));
+  notes.insert(notes.end(), printer.gaps.begin(), printer.gaps.end());
+  vector<double> probed;
+  bool manual = true;
+  for (const Reading& each : printer.readings)
+    if (each.probed) {
+      probed.push_back(each.value / kMm);
+      manual = manual && fabs(each.value) <= kManual;
+    }
+  for (const char* probe :
+       {"probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon", "cartographer"})
+    if (const Place place(probe, "z_offset"); config.has(place) && !manual) {
+      const double z = config.number(place), middle = median(probed);
+      if (fabs(z - middle) > 0.5)
+        notes.push_back(
+            format("[%s] z_offset = %.6g mm, but the heights were probed at %.6g mm: it was "
+                   "changed since; z = 0 is off by that much for these readings",
+                   probe, z, middle));
+    }
   return printer;
 }
 }  // namespace truepose::printers

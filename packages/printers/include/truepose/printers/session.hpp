@@ -11,52 +11,29 @@
 #include "truepose/printers/delta.hpp"
 
 namespace truepose::printers {
-/// Reader of words and numbers from a place in a text on.
-struct Scan {
-  string_view text;
-  size_t at = 0;
+/// Whether a place of a text is the begin of a word.
+inline bool begins(string_view text, size_t at) {
+  const char c = at > 0 ? text[at - 1] : ' ';
+  return !(digit(c) || c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c & 0x80));
+}
 
-  bool done() const { return at >= text.size(); }
-  bool starts_word() const { return at == 0 || !wordy(text[at - 1]); }
-  void space() {
-    while (!done() && blank(text[at])) ++at;
-  }
-  bool take(string_view word) {
-    const bool is = text.substr(at).starts_with(word);
-    at += is ? word.size() : 0;
-    return is;
-  }
-  /// A decimal number without exponent; `unit` is one of its last digit.
-  bool number(double& value, double* unit = nullptr) {
-    size_t end = at, digits = 0;
-    double last = 1;
-    if (end < text.size() && (text[end] == '-' || text[end] == '+')) ++end;
-    for (bool point = false; end < text.size() && digits < 40; ++end)
-      if (digit(text[end])) {
-        ++digits;
-        last *= point ? 0.1 : 1;
-      } else if (text[end] == '.' && !point) {
-        point = true;
-      } else {
-        break;
-      }
-    if (digits == 0) return false;
-    value = number_of(text.substr(at, end - at));
+/// Decimal numbers with ':' between, behind spaces at a place of a text, which moves behind them;
+/// `unit` is one of the last digit.
+inline vector<double> numbers(string_view text, size_t& at, double& unit) {
+  vector<double> values;
+  for (at = min(text.find_first_not_of(" \t", at), text.size()); at < text.size(); ++at) {
+    const bool sign = text[at] == '-' || text[at] == '+';
+    const size_t end = min(text.find_first_not_of("0123456789.", at + sign), text.size());
+    const string_view word = text.substr(at, end - at);
+    const double value = number_of(word);
+    if (isnan(value)) break;
+    values.push_back(value);
+    unit = word.find('.') == word.npos ? 1 : pow(0.1, double(word.size() - word.find('.') - 1));
     at = end;
-    if (unit) *unit = last;
-    return true;
+    if (at == text.size() || text[at] != ':') break;
   }
-  /// Numbers with ':' between; empty if there is none.
-  vector<double> numbers(double* unit = nullptr) {
-    vector<double> values;
-    double value = 0;
-    while (number(value, unit)) {
-      values.push_back(value);
-      if (!take(":")) break;
-    }
-    return values;
-  }
-};
+  return values;
+}
 
 using Words = map<string, vector<double>>;  ///< "M665 L": values. mm, degrees
 
@@ -78,6 +55,33 @@ inline const Command* command_of(string_view name) {
   return at == std::end(kCommands) ? nullptr : at;
 }
 
+/// What answers print: in a line with the first text the values of a word behind the second.
+constexpr struct {
+  const char *in, *label, *word;
+} kPrinted[] = {
+    {".Height:", ".Height:", "M665 H"},
+    {".Height:", "Radius:", "M665 R"},
+    {".Height:", "Ex:", "M666 X"},
+    {".Height:", "Ey:", "M666 Y"},
+    {".Height:", "Ez:", "M666 Z"},
+    {" T", " Tx:", "M665 X"},
+    {" T", " Ty:", "M665 Y"},
+    {" T", " Tz:", "M665 Z"},
+    {"delta radius ", "Diagonals ", "M665 L"},
+    {"delta radius ", "Diagonal ", "M665 L"},
+    {"delta radius ", "delta radius ", "M665 R"},
+    {"delta radius ", "homed height ", "M665 H"},
+    {"delta radius ", "bed radius ", "M665 B"},
+    {"delta radius ", ", X ", "M665 X"},
+    {"delta radius ", ", Y ", "M665 Y"},
+    {"delta radius ", ", Z ", "M665 Z"},
+    {"ndstop adjustments ", "adjustments X", "M666 X"},
+    {"ndstop adjustments ", " Y", "M666 Y"},
+    {"ndstop adjustments ", " Z", "M666 Z"},
+    {"ndstop adjustments ", "tilt X", "M666 A"},
+    {"ndstop adjustments ", "% Y", "M666 B"},
+};
+
 /// Heights that were probed one after the other with the same settings.
 struct Probing {
   string by;                              ///< "G30", "G33" or "G32"
@@ -94,6 +98,11 @@ struct Probing {
   int points() const { return int(bed.size() + g33.size() + g32.size()); }
 };
 
+inline double option_of(const map<char, double>& of, char letter, double otherwise) {
+  const auto at = of.find(letter);
+  return at == of.end() ? otherwise : at->second;
+}
+
 /// State of the printer along a session.
 class Session {
  public:
@@ -103,7 +112,7 @@ class Session {
   bool seen = false;         ///< M665's L or R is there
 
   explicit Session(string_view text) {
-    for (const string_view whole : lines_of(text)) line(string(whole.substr(0, whole.find(';'))));
+    for (const string_view whole : lines_of(text)) line(whole.substr(0, whole.find(';')));
     settle();
     for (Probing& each : probings) {
       // Printed for the first time later, and not changed before: already in force.
@@ -149,8 +158,7 @@ class Session {
   void calibrated(const string& by) {
     calibrating_ = false;
     const bool g33 = by == "G33";
-    const auto P = options_.find('P');
-    const double points = g33 && P != options_.end() ? P->second : 3;
+    const double points = g33 ? option_of(options_, 'P', 3) : 3;
     lose("M665 H", by);
     if (points == 1) return;
     for (const char* word : {"M665 R", "M666 X", "M666 Y", "M666 Z"}) lose(word, by);
@@ -166,15 +174,15 @@ class Session {
     return probings.back();
   }
 
-  void command(const string& name, Scan& scan, bool sent) {
+  void command(const string& name, string_view text, size_t at, bool sent) {
     map<char, double> own;
-    if (name != "G33") settle();
+    settle();
     for (;;) {
-      scan.space();
-      if (scan.done() || scan.text[scan.at] < 'A' || scan.text[scan.at] > 'Z') break;
-      const char letter = scan.text[scan.at++];
+      while (at < text.size() && blank(text[at])) ++at;
+      if (at == text.size() || text[at] < 'A' || text[at] > 'Z') break;
+      const char letter = text[at++];
       double unit = 1;
-      vector<double> values = scan.numbers(&unit);
+      vector<double> values = numbers(text, at, unit);
       if (values.empty() && name != "G33") break;
       own[letter] = values.empty() ? 1 : values[0];
       if (name != "G30" && name != "G33") set(name + " " + letter, values, unit, sent);
@@ -184,7 +192,6 @@ class Session {
       if (number == 0) places_.clear();
       places_[number] = {own['X'], own['Y']};
     } else if (name == "G33") {
-      settle();
       calibrating_ = !own.contains('V') || own['V'] != 0;
       options_ = own;
       radius_ = 0;
@@ -196,94 +203,54 @@ class Session {
     }
   }
 
-  void line(const string& text) {
+  void line(string_view text) {
     const auto has = [&](string_view word) { return text.find(word) != text.npos; };
-    const auto after = [&](string_view word, auto&& take) {
-      if (const size_t at = text.find(word); at != text.npos) {
-        Scan scan{text, at + word.size()};
-        scan.space();
-        double unit = 1;
-        if (const vector<double> values = scan.numbers(&unit); !values.empty()) take(values, unit);
-      }
-    };
-    const auto printed = [&](string_view label, const string& word) {
-      after(label, [&](const auto& values, double unit) { set(word, values, unit, false); });
+    double unit = 1;
+    const auto after = [&](string_view word, size_t from = 0) {
+      size_t at = text.find(word, from);
+      return at == text.npos ? vector<double>() : numbers(text, at += word.size(), unit);
     };
     const bool sent = has("Send:") || has("SENDING:") || text.starts_with('>');
     if (has("nknown command")) return;
     if (has("Iteration :") || has("No convergence") || has("Calibration OK")) calibrated("G33");
-    if (has(" factors using "))
-      after("Calibrated ", [&](const auto& factors, double) {
-        calibrated("G32");
-        if (factors[0] == 7 || factors[0] == 9) lose("M665 L", "G32");
-        if (factors[0] >= 8) lose("M666 A", "G32"), lose("M666 B", "G32");
-      });
-    after("at radius:", [&](const auto& values, double) { radius_ = values[0]; });
-    if (has(".Height:")) {
-      printed(".Height:", "M665 H");
-      printed("Radius:", "M665 R");
-      for (const char axis : {'x', 'y', 'z'})
-        printed({string("E") + axis + ":"}, string("M666 ") + char(axis - 32));
+    if (const auto factors = after("Calibrated "); has(" factors using ") && !factors.empty()) {
+      calibrated("G32");
+      if (factors[0] == 7 || factors[0] == 9) lose("M665 L", "G32");
+      if (factors[0] >= 8) lose("M666 A", "G32"), lose("M666 B", "G32");
     }
-    for (const char axis : {'x', 'y', 'z'})
-      printed({string(" T") + axis + ":"}, string("M665 ") + char(axis - 32));
-    if (has("delta radius ") && has("iagonal")) {  // RepRapFirmware's answers to M665 and M666
-      settle();
-      printed(has("Diagonals ") ? "Diagonals " : "Diagonal ", "M665 L");
-      printed("delta radius ", "M665 R");
-      printed("homed height ", "M665 H");
-      printed("bed radius ", "M665 B");
-      for (const char axis : {'X', 'Y', 'Z'})
-        printed({string(", ") + axis + " "}, string("M665 ") + axis);
+    if (const auto values = after("at radius:"); !values.empty()) radius_ = values[0];
+    for (const auto& [in, label, word] : kPrinted)
+      if (const auto values = after(label); has(in) && !values.empty())
+        set(word, values, unit, false);
+    for (size_t at = text.find_first_of("MG"); at < text.size();
+         at = text.find_first_of("MG", at + 1)) {
+      const size_t end = min(text.find_first_not_of("0123456789.", at + 1), text.size());
+      const string name(text.substr(at, end - at));
+      if (begins(text, at) && command_of(name) && text.find(" Auto Calibrate", at) == text.npos)
+        command(name, text, end, sent);
     }
-    if (has("ndstop adjustments ")) {
-      printed("adjustments X", "M666 X");
-      printed(" Y", "M666 Y");
-      printed(" Z", "M666 Z");
-      printed("tilt X", "M666 A");
-      printed("% Y", "M666 B");
+    if (const size_t at = text.find("Bed X:"); at != text.npos) {
+      const auto x = after("Bed X:"), y = after("Y:", at), z = after("Z:", at);
+      if (!x.empty() && !y.empty() && !z.empty()) {
+        settle();
+        probing("G30").bed.emplace_back(x[0], y[0], z[0]);
+      }
     }
-    for (Scan scan{text}; !scan.done(); ++scan.at) {
-      const size_t begin = scan.at;
-      if (!scan.starts_word()) {
-      } else if (text[begin] == 'M' || text[begin] == 'G') {
-        ++scan.at;
-        double number = 0;
-        const size_t from = scan.at;
-        if (digit(scan.done() ? ' ' : text[from]) && scan.number(number)) {
-          const string name = text.substr(begin, scan.at - begin);
-          if (command_of(name) && text.find(" Auto Calibrate", begin) == text.npos)
-            command(name, scan, sent);
-        }
-      } else if (scan.take("Bed X:")) {
-        Vector3 at;
-        const auto next = [&](string_view name, double& value) {
-          scan.space();
-          if (!scan.take(name)) return false;
-          scan.space();
-          return scan.number(value);
-        };
-        if (next("", at[0]) && next("Y:", at[1]) && next("Z:", at[2])) {
-          settle();
-          probing("G30").bed.push_back(at);
-        }
-      } else if (scan.take("bed probe heights:") || scan.take("Bed probe heights:")) {
-        Probing& of = probing("G32", true);
-        for (double z = 0; scan.space(), scan.number(z);) of.g32.push_back(z);
-      } else if (!sent) {
-        for (const char* name : {"c:", "x:", "y:", "z:", "yz:", "zx:", "xy:"}) {
-          double z = 0;
-          scan.at = begin;
-          if (!scan.take(name) || !scan.number(z)) continue;
-          const string point(name, string_view(name).size() - 1);
+    if (const size_t at = text.find("ed probe heights:"); at != text.npos) {
+      vector<double>& heights = probing("G32", true).g32;
+      size_t next = at + 17;
+      for (auto z = numbers(text, next, unit); !z.empty(); z = numbers(text, next, unit))
+        heights.push_back(z[0]);
+    }
+    for (const string point : {"c", "x", "y", "z", "yz", "zx", "xy"})
+      for (size_t at = text.find(point + ":"); !sent && at < text.size();
+           at = text.find(point + ":", at + 1))
+        if (const auto z = after(point + ":", at); begins(text, at) && !z.empty()) {
           const bool again = !probings.empty() && probings.back().by == "G33" &&
                              probings.back().g33.contains(point);
           if (again) settle();
-          probing("G33", again).g33[point] = z;
+          probing("G33", again).g33[point] = z[0];
         }
-      }
-      scan.at = begin;
-    }
   }
 };
 }  // namespace truepose::printers

@@ -34,18 +34,22 @@ inline string format(const char* form, ...) {
 }
 
 inline bool blank(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+inline bool control(char c) { return static_cast<unsigned char>(c) < ' ' || c == 127; }
 inline bool digit(char c) { return c >= '0' && c <= '9'; }
-inline bool wordy(char c) {
-  return digit(c) || c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c < 0;
-}
-inline string lower(string text) {
-  for (char& c : text)
+inline string lower(string_view text) {
+  string result(text);
+  for (char& c : result)
     if (c >= 'A' && c <= 'Z') c = char(c + 'a' - 'A');
-  return text;
+  return result;
 }
 inline string_view trimmed(string_view text) {
   while (!text.empty() && blank(text.front())) text.remove_prefix(1);
   while (!text.empty() && blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+inline string replaced(string text, string_view from, string_view to) {
+  for (size_t k = text.find(from); k != text.npos; k = text.find(from, k + to.size()))
+    text.replace(k, from.size(), to);
   return text;
 }
 
@@ -58,15 +62,11 @@ inline double number_of(string_view text) {
   return end == word.c_str() + word.size() && isfinite(value) ? value : kNaN;
 }
 
-/// A number with significant digits and no exponent; 0 below 0.00005.
-inline string shown(double value, int significant = 2) {
-  if (!isfinite(value)) return "nan";
-  if (fabs(value) < 5e-5) return "0";
-  const int digits = significant - 1 - int(std::floor(std::log10(fabs(value))));
-  const double unit = pow(10.0, digits);
-  return format("%.*f", digits > 0 ? digits : 0, std::nearbyint(value * unit) / unit);
+/// A length in mm with two significant digits at least and no exponent; 0 below 0.0001.
+inline string shown_mm(double value) {
+  value /= kMm;
+  return value < 1e-4 ? "0" : format(value < 9.95 ? "%#.2g" : "%.0f", value);
 }
-inline string shown_mm(double value) { return shown(value / kMm); }
 
 /// The lines of a text that end in LF, CR LF or CR.
 inline vector<string_view> lines_of(string_view text) {
@@ -79,74 +79,60 @@ inline vector<string_view> lines_of(string_view text) {
   }
 }
 
-/// Bytes of the UTF-8 character at the start of a text, 0 if there is none.
-inline int utf8(string_view text) {
-  const unsigned char lead = static_cast<unsigned char>(text[0]);
-  const int size = lead < 0x80 ? 1 : lead < 0xC2 ? 0 : lead < 0xE0 ? 2 : lead < 0xF0 ? 3 : 4;
-  if (lead >= 0xF5 || size_t(size) > text.size()) return 0;
-  for (int k = 1; k < size; ++k)
-    if ((static_cast<unsigned char>(text[k]) & 0xC0) != 0x80) return 0;
-  return size;
-}
-
-/// Calls f with each character of a text, and whether it is valid UTF-8.
-void characters(string_view text, auto&& f) {
-  for (size_t k = 0; k < text.size();) {
-    const int size = utf8(text.substr(k));
-    f(text.substr(k, max(size, 1)), size > 0);
-    k += max(size, 1);
+inline bool is_utf8(string_view text) {
+  int more = 0;  // bytes of the character
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool inside = (byte & 0xC0) == 0x80;
+    if (inside != (more > 0) || byte == 0xC0 || byte == 0xC1 || byte > 0xF4) return false;
+    more = inside ? more - 1 : (byte >= 0xC0) + (byte >= 0xE0) + (byte >= 0xF0);
   }
+  return more == 0;
 }
 
-/// A text for one line of a message: control characters as escapes, at most `most` bytes and "…".
+/// A text for one line of a message: control characters as escapes, about `most` bytes and "…".
 inline string one_line(string_view text, size_t most = 60) {
   string line;
-  bool whole = true;
-  characters(text, [&](string_view c, bool valid) {
-    whole = whole && line.size() + c.size() <= most;
-    if (!whole) return;
-    if (!valid || (c.size() == 1 && (c[0] < ' ' || c[0] == 127)))
-      line += format("\\x%02x", unsigned(static_cast<unsigned char>(c[0])));
-    else
-      line += c;
-  });
-  return whole ? line : line + "…";
+  for (const char c : text) {
+    if (line.size() >= most && (c & 0xC0) != 0x80) return line + "…";
+    line += control(c) ? format("\\x%02x", unsigned(c)) : string(1, c);
+  }
+  return line;
 }
 
 /// Writer of one JSON text; NaN and infinity are null.
 class Json {
  public:
-  Json& key(string_view name) { return value(name).raw(":"); }
-  Json& open(char bracket) { return comma().raw(string_view(&bracket, 1)); }
+  Json& key(string_view name) {
+    value(name).text_ += ':';
+    return *this;
+  }
+  Json& open(char bracket) {
+    comma().text_ += bracket;
+    return *this;
+  }
   Json& close(char bracket) {
     text_ += bracket;
     return *this;
   }
-  Json& value(double number) {
-    return comma().raw(isfinite(number) ? format("%.17g", number) : "null");
-  }
-  Json& value(bool flag) { return comma().raw(flag ? "true" : "false"); }
-  Json& value(string_view text) {
-    comma().raw("\"");
-    characters(text, [&](string_view c, bool valid) {
-      const bool escaped = c == "\"" || c == "\\";
-      if (!valid)
-        text_ += "\\ufffd";
-      else if (c.size() == 1 && (c[0] < ' ' || c[0] == '<'))  // '<': safe in a page's script
-        text_ += format("\\u%04x", unsigned(c[0]));
-      else
-        (text_ += escaped ? "\\" : "") += c;
-    });
-    return raw("\"");
-  }
-  Json& value(const char* text) { return value(string_view(text)); }
-  Json& value(const string& text) { return value(string_view(text)); }
-  /// Any range of values.
-  template <class Range>
-  Json& value(const Range& range) {
-    open('[');
-    for (const auto& each : range) value(each);
-    return close(']');
+  /// A number, a truth value, a text in UTF-8, or a range of these.
+  template <class Value>
+  Json& value(const Value& of) {
+    if constexpr (std::is_convertible_v<Value, string_view>) {
+      comma().text_ += '"';
+      for (const char c : string_view(of))  // '<': safe in a page's script
+        text_ += control(c) || string_view("\"\\<").find(c) != string_view::npos
+                     ? format("\\u%04x", unsigned(c))
+                     : string(1, c);
+      return close('"');
+    } else if constexpr (std::is_same_v<Value, bool>) {
+      comma().text_ += of ? "true" : "false";
+    } else if constexpr (std::is_arithmetic_v<Value>) {
+      comma().text_ += isfinite(of) ? format("%.17g", of) : "null";
+    } else {
+      list(size_t(of.size()), [&](size_t k) { value(of[k]); });
+    }
+    return *this;
   }
   /// An array of `count` elements, each written by f(k).
   Json& list(size_t count, auto&& f) {
@@ -165,10 +151,6 @@ class Json {
  private:
   Json& comma() {
     if (!text_.empty() && string_view("[{:").find(text_.back()) == string_view::npos) text_ += ',';
-    return *this;
-  }
-  Json& raw(string_view text) {
-    text_ += text;
     return *this;
   }
   string text_;
