@@ -84,7 +84,6 @@ struct Inputs {
 };
 
 /// Random poses: readings a little off the setpoint, guesses 1 mm and 1 mrad away (ankle: 10 mrad).
-template <Mobility K>
 Inputs anywhere(const mechanisms::Mechanism& mechanism) {
   Inputs in;
   check::Random random(1);
@@ -94,12 +93,12 @@ Inputs anywhere(const mechanisms::Mechanism& mechanism) {
     Extended q_e;
     do at.x = mechanisms::random_pose(mechanism, random);
     while (!ikm(mechanism.robot, at.x, q));  // an ankle's cranks cannot follow to every corner
-    const Pose pose = to_pose<K>(at.x);
+    const Pose pose = to_pose(K, at.x);
     in.guess.push_back(
-        to_coordinates<K>(mechanisms::nearby<K>(pose, random, kRotational<K> ? 1e-2 : 1e-3)));
+        to_coordinates(K, mechanisms::nearby(pose, random, is_rotational(K) ? 1e-2 : 1e-3)));
     at.rate = mechanisms::random_joint(random, 0.5);
     at.acceleration = mechanisms::random_joint(random, 5);
-    if (!extended<K>(mechanism.robot, mechanisms::nearby<K>(pose, random, 1e-4), q_e))
+    if (!extended(mechanism.robot, mechanisms::nearby(pose, random, 1e-4), q_e))
       std::printf("pose %d is out of reach\n", i);
     in.setpoint.push_back(at);
     in.q_e.push_back(q_e);
@@ -174,7 +173,6 @@ Inputs never(const mechanisms::Mechanism& mechanism) {
 }
 
 /// Kinematics from coordinates; names are those of the H4, the 6-UPS or the ankle.
-template <Mobility K>
 void kinematics(const std::array<const char*, 5>& name, const Robot& robot, const Inputs& in,
                 const Inputs* odd = nullptr) {
   const auto each = [&](const char* named, auto call) {
@@ -188,18 +186,18 @@ void kinematics(const std::array<const char*, 5>& name, const Robot& robot, cons
   each(name[1],
        [&](const Inputs& of, int i) { return jacobian(robot, of.setpoint[i].x, J).status; });
   each(name[2], [&](const Inputs& of, int i) {
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    const Outcome closed = ikm<K>(robot, to_pose<K>(of.setpoint[i].x), closure);
-    return closed ? jacobian<K>(closure, jacobians).status : closed.status;
+    Closure closure;
+    Jacobians jacobians;
+    const Outcome closed = ikm(robot, to_pose(K, of.setpoint[i].x), closure);
+    return closed ? jacobian(closure, jacobians).status : closed.status;
   });
   each(name[3], [&](const Inputs& of, int i) {
     x = of.guess[i];
-    return fkm(robot, motors_of<K>(of.q_e[i]), x).status;
+    return fkm(robot, motors_of(of.q_e[i]), x).status;
   });
   each(name[4], [&](const Inputs& of, int i) {
-    x = kRotational<K> ? Coordinates{} : robot.home;
-    return fkm(robot, motors_of<K>(of.q_e[i]), x).status;
+    x = is_rotational(K) ? Coordinates{} : robot.home;
+    return fkm(robot, motors_of(of.q_e[i]), x).status;
   });
 }
 
@@ -358,7 +356,7 @@ int main(int argc, char** argv) {
   mechanisms::Prior prior(h4);
   each("H4 estimate", [&](const Inputs& of, int i) {
     Pose pose = to_pose<kH4>(&of == &odd ? of.guess[i] : of.setpoint[i].x);
-    return estimate<kH4>(h4, prior.known(), of.q_e[i], pose, prior.weighing().work).outcome.status;
+    return estimate(Level::ideal, h4, prior.known(), of.q_e[i], pose, prior.weighing().work).outcome.status;
   });
   {
     mechanisms::Prior taught(h4);
@@ -393,7 +391,7 @@ int main(int argc, char** argv) {
   for (int i = 0; i < 4; ++i) {
     Chain& chain = rods.chain[i];
     const double angle = mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1);
-    chain.axis = exp_so3(angle * chain.zero()) * chain.axis();
+    chain.axis = exp_so3(angle * chain.zero) * chain.axis;
   }
   if (!finish(rods) || !finish_full(rods)) std::printf("the rods do not close at home\n");
   const Inputs of_h4 = path(h4, 1e-4, 0), of_rods = path(rods, 1e-4, 0);

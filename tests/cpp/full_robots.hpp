@@ -30,10 +30,10 @@ inline double gaussian(check::Random& random) {
 /// Yaw turns e and u about z; tilt then turns u about e. The bars stay as drawn.
 inline void turn_axis(Chain& chain, double yaw, double tilt) {
   const Mat3 about_z = rotation_z(yaw);
-  chain.zero = about_z * chain.zero();
-  const Mat3 turn = exp_so3(tilt * chain.zero()) * about_z;
-  chain.axis = turn * chain.axis();
-  chain.pair_axis = turn * chain.pair_axis();
+  chain.zero = about_z * chain.zero;
+  const Mat3 turn = exp_so3(tilt * chain.zero) * about_z;
+  chain.axis = turn * chain.axis;
+  chain.pair_axis = turn * chain.pair_axis;
 }
 
 /// The robot as built: 0.1° (1σ) of yaw and tilt on every arm's axis.

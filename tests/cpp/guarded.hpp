@@ -9,11 +9,10 @@
 namespace pivots_tested {
 
 /// Limits, a shell, and a robot that follows its path exactly, but for counts.
-template <Mobility K>
 struct Guarded {
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   explicit Guarded(const Mechanism& mechanism) : robot(mechanism.robot) {
-    CHECK(inverse_dynamics<K>(robot, to_pose<K>(robot.home), {}, {}, weight));
+    CHECK(inverse_dynamics(robot, to_pose(K, robot.home), {}, {}, weight));
     ControlSettings one;
     CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
     for (int i = 0; i < n; ++i) {
@@ -29,8 +28,8 @@ struct Guarded {
     SafetyCycle cycle;
     cycle.x = robot.home;
     for (int j = 0; j < n; ++j) cycle.x[j] += 0.01 * (1 - std::cos((3 + j) * time));
-    Closure<K> closure;
-    CHECK(ikm<K>(robot, to_pose<K>(cycle.x), closure));
+    Closure closure;
+    CHECK(ikm(robot, to_pose(K, cycle.x), closure));
     cycle.q_d = closure.q();
     for (int i = 0; i < n; ++i) cycle.q[i] = quantized(cycle.q_d[i], robot.chain[i].encoder_step);
     cycle.torque = cycle.load = weight;
@@ -43,7 +42,7 @@ struct Guarded {
   /// One cycle, and what holds in every one.
   void step(const SafetyCycle& cycle) {
     const SafetyShell before = shell;
-    guard<K>(robot, limits, cycle, shell);
+    guard(robot, limits, cycle, shell);
     const SafetyState from = before.machine.state, state = shell.machine.state;
     const bool closed = from != SafetyState::running && from != SafetyState::stopping;
     for (int i = 0; i < n; ++i) {
@@ -121,15 +120,15 @@ struct Guarded {
 /// Robots of one to six motors.
 template <class F>
 void for_some_guarded(F&& f) {
-  const auto one = [&](const Mechanism& mechanism, auto mobility) {
+  const auto one = [&](const Mechanism& mechanism) {
     check::state().scene = mechanism.name;
-    f(mechanism, mobility);
+    f(mechanism);
   };
-  one(h4(), Fixed<Mobility::schoenflies>{});
-  one(delta(), Fixed<Mobility::translation>{});
-  one(hexapod("6-UPS", Actuator::telescopic), Fixed<Mobility::spatial>{});
-  one(g1_ankle(), Fixed<Mobility::rotational_2>{});
-  one(lever(), Fixed<Mobility::rotational_1>{});
+  one(h4(), Mobility::schoenflies);
+  one(delta(), Mobility::translation);
+  one(hexapod("6-UPS", Actuator::telescopic), Mobility::spatial);
+  one(g1_ankle(), Mobility::rotational_2);
+  one(lever(), Mobility::rotational_1);
 }
 
 }  // namespace pivots_tested

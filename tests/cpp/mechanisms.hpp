@@ -74,8 +74,7 @@ class Prior {
                      kept_.data()};
     learner.work = filter_.data();
     learner.robot = robot;
-    learner.pose = with_mobility(robot.mobility,
-                                 [&](auto mobility) { return to_pose<mobility()>(robot.home); });
+    learner.pose = to_pose(robot.mobility, robot.home);
     return learner;
   }
 
@@ -115,7 +114,7 @@ inline void complete(Mechanism& mechanism) {
     if (robot.mobility == Mobility::schoenflies) robot.sensor[0] = Sensor{};
   }
   Outcome outcome = finish(robot);
-  if (outcome && kFullLevel) outcome = finish_full(robot);
+  if (outcome) outcome = finish_full(robot);
   if (!outcome) std::printf("%s: home is %s\n", mechanism.name, describe(outcome.status));
 }
 
@@ -125,7 +124,7 @@ inline void add_body(Robot& robot, double mass, const Vec3& pivot, const Vec3& a
   body.mass = mass;
   body.pivot = pivot;
   body.anchor = anchor;
-  body.inertia = inertia.asDiagonal();
+  for (int i = 0; i < 3; ++i) body.inertia(i, i) = inertia[i];
 }
 
 inline void set_masses(Chain& chain, double drive, double arm, double rod) {
@@ -138,7 +137,7 @@ inline void set_masses(Chain& chain, double drive, double arm, double rod) {
 inline void set_pair(Chain& chain, int bar = -1) {
   chain.bar = bar;
   chain.rod_spacing = 0.08;
-  chain.pair_axis = chain.axis().cross(chain.zero());  // of a carriage: across rail and rod
+  chain.pair_axis = chain.axis.cross(chain.zero);  // of a carriage: across rail and rod
   chain.pair_drawn = pair_direction(chain);
 }
 
@@ -232,8 +231,8 @@ inline Mechanism delta() {
   for (int i = 0; i < 3; ++i) {
     Chain& chain = robot.chain[i];
     chain.zero = polar(1, 119 * i);
-    chain.axis = Vec3::UnitZ().cross(chain.zero());
-    chain.base = 0.2 * chain.zero() + Vec3(0, 0, 0.005 * i);
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.base = 0.2 * chain.zero + Vec3(0, 0, 0.005 * i);
     chain.arm = 0.3 + 0.004 * i;
     chain.rod = 0.7 - 0.005 * i;
     chain.pivot = polar(0.05, 120 * i);
@@ -255,7 +254,7 @@ inline Mechanism linear_delta() {
     chain.actuator = Actuator::prismatic;
     chain.base = polar(0.35 + 0.01 * i, 30 + 120 * i);
     chain.axis = (Vec3::UnitZ() + polar(0.1, 20 + 100 * i)).normalized();  // rails lean a little
-    chain.zero = chain.axis().cross(polar(1, 120 + 120 * i)).normalized();
+    chain.zero = chain.axis.cross(polar(1, 120 + 120 * i)).normalized();
     chain.rod = 0.6 - 0.01 * i;
     chain.working_mode = 1;  // carriages above the nacelle
     chain.pivot = polar(0.06, 30 + 120 * i);
@@ -276,8 +275,8 @@ inline Mechanism par4() {
   for (int i = 0; i < 4; ++i) {
     Chain& chain = robot.chain[i];
     chain.zero = polar(1, 45 + 90 * i + 2 * (i % 3));
-    chain.axis = Vec3::UnitZ().cross(chain.zero());
-    chain.base = 0.275 * chain.zero();
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.base = 0.275 * chain.zero;
     chain.arm = 0.375 + 0.002 * i;
     chain.rod = 0.8 + 0.003 * i;
     chain.pivot = Vec3(i == 0 || i == 3 ? 0.08 : -0.08, 0, 0.004 * i);
@@ -305,14 +304,14 @@ inline Mechanism hexapod(const char* name, Actuator actuator) {
     chain.actuator = actuator;
     chain.base = polar(0.35 + 0.004 * i, base[i] + i, 0.003 * i);
     chain.zero = polar(1, base[i] + i);
-    chain.axis = Vec3::UnitZ().cross(chain.zero());
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
     chain.arm = 0.25 + 0.002 * i;
     chain.rod = 0.6 - 0.003 * i;
     chain.pivot = polar(0.18 + 0.003 * i, nacelle[i] - 2 * i, 0.01 + 0.002 * i);
     set_masses(chain, actuator == Actuator::telescopic ? 0.8 : 0.02, 0.4, 0.25);
   }
   add_body(robot, 2, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.02, 0.025, 0.03});
-  robot.body[0].inertia()(0, 1) = robot.body[0].inertia()(1, 0) = 0.002;
+  robot.body[0].inertia(0, 1) = robot.body[0].inertia(1, 0) = 0.002;
   robot.home = {0.01, -0.02, -0.55, 0.03, -0.02, 0.05};
   complete(mechanism);
   return mechanism;
@@ -342,7 +341,7 @@ inline Mechanism hexaglide() {
   return mechanism;
 }
 
-/// Calls f(mechanism, mobility constant) for each.
+/// Calls f(mechanism) for each that no passive axes carry (theirs: rotational.hpp).
 template <class F>
 void for_each(F&& f) {
   static const std::vector<Mechanism> all{h4(),
@@ -357,46 +356,44 @@ void for_each(F&& f) {
                                           hexaglide()};
   for (const Mechanism& mechanism : all) {
     check::state().scene = mechanism.name;
-    with_mobility(mechanism.robot.mobility, [&](auto mobility) {
-      if constexpr (!kRotational<mobility()>) f(mechanism, mobility);  // theirs: rotational.hpp
-    });
+    f(mechanism);
   }
 }
 
 /// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
 /// mobility K, its n freedoms and its mechanism.
-#define TEST_EACH(list, statement)                                     \
-  template <Mobility K, int n = kDof<K>>                               \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism); \
-  TEST(statement) {                                                    \
-    list([](const Mechanism& mechanism, auto mobility) {               \
-      CHECK_JOIN(each_, __LINE__)<mobility()>(mechanism);              \
-    });                                                                \
-  }                                                                    \
-  template <Mobility K, int n>                                         \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism)
+#define TEST_EACH(list, statement)                                                     \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Mobility K, int n); \
+  TEST(statement) {                                                                    \
+    list([](const Mechanism& mechanism) {                                              \
+      CHECK_JOIN(each_, __LINE__)                                                      \
+      (mechanism, mechanism.robot.mobility, dof(mechanism.robot.mobility));            \
+    });                                                                                \
+  }                                                                                    \
+  static void CHECK_JOIN(each_, __LINE__)([[maybe_unused]] const Mechanism& mechanism, \
+                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
 
-/// Calls f(mechanism, mobility, model) for each at its levels.
+/// Calls f(mechanism, level) for each at its levels.
 template <class F>
 void for_each_model(F&& f) {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    f(mechanism, mobility, IdealModel{});
-    if constexpr (kPaired<mobility()>)
-      if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, mobility, FullModel{});
+  for_each([&](const Mechanism& mechanism) {
+    f(mechanism, Level::ideal);
+    if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, Level::full);
   });
 }
 
-/// A statement about each robot at its levels. Its body has K, n, Model and the mechanism.
-#define TEST_MODELS(statement)                                                 \
-  template <Mobility K, class Model, int n = kDof<K>>                          \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism);         \
-  TEST(statement) {                                                            \
-    for_each_model([](const Mechanism& mechanism, auto mobility, auto model) { \
-      CHECK_JOIN(each_, __LINE__)<mobility(), decltype(model)>(mechanism);     \
-    });                                                                        \
-  }                                                                            \
-  template <Mobility K, class Model, int n>                                    \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism)
+/// A statement about each robot at its levels. Its body has K, n, the level and the mechanism.
+#define TEST_MODELS(statement)                                                         \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,     \
+                                          Mobility K, int n);                          \
+  TEST(statement) {                                                                    \
+    for_each_model([](const Mechanism& mechanism, Level level) {                       \
+      CHECK_JOIN(each_, __LINE__)                                                      \
+      (mechanism, level, mechanism.robot.mobility, dof(mechanism.robot.mobility));     \
+    });                                                                                \
+  }                                                                                    \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,     \
+                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
 
 /// A random pose of the box, shrunk by `part`.
 inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
@@ -407,23 +404,20 @@ inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random
 }
 
 /// x moved by `size` metres and radians in every freedom, up or down.
-template <Mobility K>
-Pose nearby(const Pose& pose, check::Random& random, double size) {
+inline Pose nearby(Mobility K, const Pose& pose, check::Random& random, double size) {
   Coordinates step{};
-  for (int i = 0; i < kDof<K>; ++i) step[i] = random() < 0 ? -size : size;
-  return moved<K>(pose, step);
+  for (int i = 0; i < dof(K); ++i) step[i] = random() < 0 ? -size : size;
+  return moved(K, pose, step);
 }
 
 /// What a robot reads at a pose.
-template <Mobility K>
-Extended readings_at(const Robot& robot, const Pose& pose) {
+inline Extended readings_at(const Robot& robot, const Pose& pose) {
   Extended q_e{};
-  CHECK(extended<K>(robot, pose, q_e));
+  CHECK(extended(robot, pose, q_e));
   return q_e;
 }
-template <Mobility K>
-Extended readings_at(const Robot& robot, const Coordinates& x) {
-  return readings_at<K>(robot, to_pose<K>(x));
+inline Extended readings_at(const Robot& robot, const Coordinates& x) {
+  return readings_at(robot, to_pose(robot.mobility, x));
 }
 
 inline Joint random_joint(check::Random& random, double size) {
@@ -433,11 +427,10 @@ inline Joint random_joint(check::Random& random, double size) {
 }
 
 /// Largest entry of the difference of two poses.
-template <Mobility K>
-double distance(const Pose& a, const Pose& b) {
-  const Coordinates step = difference<K>(a, b);
+inline double distance(Mobility K, const Pose& a, const Pose& b) {
+  const Coordinates step = difference(K, a, b);
   double largest = 0;
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(K); ++i) {
     if (std::isnan(step[i])) return INFINITY;
     largest = std::max(largest, std::fabs(step[i]));
   }

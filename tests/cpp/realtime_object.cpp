@@ -51,12 +51,12 @@ Outcome realtime_linearise_full(const Robot& robot, const Pose& pose, Extended& 
 }
 Estimate<Mobility::schoenflies> realtime_estimate(const Robot& robot, const Knowledge& known,
                                                   const Extended& q_e, Pose& pose, double* work) {
-  return estimate<Mobility::schoenflies>(robot, known, q_e, pose, work);
+  return estimate(Level::ideal, robot, known, q_e, pose, work);
 }
 Estimate<Mobility::schoenflies> realtime_estimate_full(const Robot& robot, const Knowledge& known,
                                                        const Extended& q_e, Pose& pose,
                                                        double* work) {
-  return estimate<Mobility::schoenflies, FullModel>(robot, known, q_e, pose, work);
+  return estimate(Level::full, robot, known, q_e, pose, work);
 }
 Outcome realtime_parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   return parasitic(robot, x, rest);
@@ -118,7 +118,7 @@ Outcome realtime_learn(OnlineCalibrator& learner, const Extended& q_e) {
   return calibrate_online<Mobility::schoenflies>(learner, q_e);
 }
 Outcome realtime_learn_full(OnlineCalibrator& learner, const Extended& q_e) {
-  return calibrate_online<Mobility::schoenflies, FullModel>(learner, q_e);
+  return calibrate_online(Level::full, learner, q_e);
 }
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
 Setpoint realtime_quintic(const Coordinates& from, const Coordinates& to, double duration,

@@ -25,7 +25,7 @@ inline Chain crank(const Vec3& base, const Vec3& B, const Vec3& A, const Vec3& c
 inline void give_foot(Mechanism& mechanism) {
   Robot& robot = mechanism.robot;
   add_body(robot, 0.6, Vec3(0.03, 0.002, -0.03), Vec3::Zero(), {0.0004, 0.002, 0.0018});
-  robot.body[0].inertia()(0, 1) = robot.body[0].inertia()(1, 0) = 0.0001;
+  robot.body[0].inertia(0, 1) = robot.body[0].inertia(1, 0) = 0.0001;
   robot.chains = robot.motors = dof(robot.mobility);
   robot.r = 2;
   robot.sensor[0].kind = SensorKind::inclinometer;
@@ -108,8 +108,8 @@ inline Mechanism neck() {
                            0.045 * out - 0.02 * side + Vec3(0, 0, 0.05), last);
     Chain& chain = robot.chain[i];
     chain.axis = out;
-    chain.zero = (chain.zero() - chain.zero().dot(out) * out).normalized();
-    const Vec3 p = chain.arm * chain.zero(), v = base + p - last - chain.pivot();
+    chain.zero = (chain.zero - chain.zero.dot(out) * out).normalized();
+    const Vec3 p = chain.arm * chain.zero, v = base + p - last - chain.pivot;
     chain.rod = v.norm();
     chain.working_mode = p.cross(v).dot(out) > 0 ? 1 : -1;
   }
@@ -126,12 +126,12 @@ inline Mechanism lever() {
   robot.axis[0].origin = Vec3(0.01, 0, 0.02);
   robot.axis[0].direction = Vec3(0.1, 1, -0.05).normalized();
   robot.chain[0] =
-      crank({0.06, 0.01, 0.15}, {0.06, 0.04, 0.14}, {0.07, 0.03, 0.03}, robot.axis[0].origin());
+      crank({0.06, 0.01, 0.15}, {0.06, 0.04, 0.14}, {0.07, 0.03, 0.03}, robot.axis[0].origin);
   Chain& chain = robot.chain[0];
   chain.axis = Vec3::UnitY();
   chain.zero = Vec3::UnitX();
   chain.arm = 0.05;
-  const Vec3 v = chain.base() + 0.05 * Vec3::UnitX() - Vec3(0.07, 0.03, 0.03);
+  const Vec3 v = chain.base + 0.05 * Vec3::UnitX() - Vec3(0.07, 0.03, 0.03);
   chain.rod = v.norm();
   chain.working_mode = Vec3(0.05, 0, 0).cross(v).y() > 0 ? 1 : -1;
   robot.home = {0.05};
@@ -144,10 +144,7 @@ void for_each_pivot(F&& f) {
   static const std::vector<Mechanism> all{g1_ankle(), x1_ankle(), neck(), lever()};
   for (const Mechanism& mechanism : all) {
     check::state().scene = mechanism.name;
-    const auto run = [&](auto K) {
-      if constexpr (kRotational<K()>) f(mechanism, K);
-    };
-    with_mobility(mechanism.robot.mobility, run);
+    f(mechanism);
   }
 }
 
@@ -158,7 +155,6 @@ void for_every(F&& f) {
 }
 
 /// The part of its box that a robot reaches: corners of an ankle's are beyond its cranks.
-template <Mobility K>
-inline constexpr double kReach = kRotational<K> ? 0.6 : 1;
+inline double reach(Mobility K) { return is_rotational(K) ? 0.6 : 1; }
 
 }  // namespace pivots_tested

@@ -11,14 +11,13 @@
 namespace mechanisms {
 
 /// The robot with counts on its encoders and torque limits of several times its weight.
-template <Mobility K>
 Robot limited_robot(const Mechanism& mechanism) {
   Robot robot = mechanism.robot;
   ControlSettings one;
   Joint weight{};
   CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
-  CHECK(hold<K>(robot, to_pose<K>(robot.home), weight));
-  for (int i = 0; i < kDof<K>; ++i) {
+  CHECK(hold(robot, to_pose(K, robot.home), weight));
+  for (int i = 0; i < dof(K); ++i) {
     const bool turns = robot.chain[i].actuator == Actuator::revolute;
     robot.chain[i].torque_limit = 4 * std::fabs(weight[i]) + (turns ? 600 : 200) * one.kp[i];
     robot.chain[i].encoder_step = turns ? 2 * std::numbers::pi / 14400 : 1e-5;
@@ -48,17 +47,16 @@ inline Effects effects_of(const Robot& robot, const Reality& reality) {
 }
 
 /// One robot, its controller and shell.
-template <Mobility K>
 struct Bench {
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   using Spoil = std::function<void(Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint)>;
 
   explicit Bench(const Mechanism& mechanism, Law law = Law::joint, FeedForward forward = {},
                  const Reality& reality = {})
-      : robot(limited_robot<K>(mechanism)),
+      : robot(limited_robot(mechanism)),
         truth(true_robot(robot, reality)),
         prior(robot),
-        plant(truth, effects_of(robot, reality), to_pose<K>(robot.home), 1),
+        plant(truth, effects_of(robot, reality), to_pose(K, robot.home), 1),
         from(robot.home),
         to(robot.home) {
     settings = settings_for(robot, law);
@@ -69,7 +67,7 @@ struct Bench {
 
   /// One cycle; checks what must hold in every one.
   void cycle(const Spoil& spoil = {}) {
-    Setpoint setpoint = clock.paced(quintic<K>(from, to, duration, clock.time));
+    Setpoint setpoint = clock.paced(quintic(from, to, duration, clock.time));
     Extended q_e{};
     CHECK(plant.measure(q_e));
     SafetyCycle now;
@@ -77,7 +75,7 @@ struct Bench {
     now.request = request;
     if (spoil) spoil(q_e, now, setpoint);
     const Joint before = shell.torque;
-    static_cast<void>(control_safely<K>(robot, settings, limits, setpoint, q_e, state, shell, now,
+    static_cast<void>(control_safely(robot, settings, limits, setpoint, q_e, state, shell, now,
                                         prior.weighing(), monitored));
     for (int i = 0; i < n; ++i) {
       CHECK(std::fabs(shell.torque[i]) <= limits.torque[i]);
@@ -122,7 +120,7 @@ struct Bench {
   }
   double travelled(const Pose& since) const {
     double sum = 0;
-    for (int j = 0; j < kPositions<K>; ++j) sum += std::pow(plant.pose().D[j] - since.D[j], 2);
+    for (int j = 0; j < positions_of(K); ++j) sum += std::pow(plant.pose().D[j] - since.D[j], 2);
     return std::sqrt(sum);
   }
   /// Nothing has stopped it.
@@ -134,7 +132,7 @@ struct Bench {
   SafetyLimits limits;
   SafetyShell shell;
   ControlState state;
-  Plant<K> plant;
+  Plant plant;
   PathClock clock;
   Coordinates from, to;
   double duration = 1;

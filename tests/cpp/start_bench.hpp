@@ -29,21 +29,20 @@ inline Robot rubbing(Robot robot, const Truth& truth) {
   }
   for (int k = 0; k < robot.bodies; ++k) {
     robot.body[k].mass *= truth.mass;
-    robot.body[k].inertia = Mat3(robot.body[k].inertia() * truth.mass);
+    robot.body[k].inertia = Mat3(robot.body[k].inertia * truth.mass);
   }
   return robot;
 }
 
-template <Mobility K>
 struct StartBench {
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
 
   explicit StartBench(const Robot& nominal, const Truth& is = {}, const Coordinates* from = nullptr,
                       double period = 1e-3)
       : robot(rubbing(nominal, {})),
         truth(rubbing(nominal, is)),
         prior(robot),
-        started(to_pose<K>(from ? *from : robot.home)),
+        started(to_pose(K, from ? *from : robot.home)),
         plant(truth, {}, started, 1),
         real(is) {
     ControlSettings control = settings_for(robot, Law::joint);
@@ -80,7 +79,7 @@ struct StartBench {
       Extended q_e = read(wrong);
       if (spoil) spoil(cycles, q_e);
       const Joint before = test.torque;
-      start_test<K>(robot, settings, limits, q_e, known, test, prior.weighing());
+      start_test(robot, settings, limits, q_e, known, test, prior.weighing());
       Joint torque = test.torque;
       for (int i = 0; i < n; ++i) {
         CHECK(std::fabs(torque[i]) <= limits.torque[i]);
@@ -97,7 +96,7 @@ struct StartBench {
       plant.work_brakes(brakes, limits.period, real.opens, real.closes);
       CHECK(bool(plant.advance(torque, limits.period, 2)));
       double sum = 0;
-      for (int j = 0; j < kPositions<K>; ++j) sum += std::pow(plant.pose().D[j] - started.D[j], 2);
+      for (int j = 0; j < positions_of(K); ++j) sum += std::pow(plant.pose().D[j] - started.D[j], 2);
       moved = std::max(moved, std::sqrt(sum));
       const bool over = test.state >= StartState::passed;
       if (over &&
@@ -125,7 +124,7 @@ struct StartBench {
   Robot robot, truth;
   Prior prior;
   Pose started;
-  Plant<K> plant;
+  Plant plant;
   Truth real;
   SafetyLimits limits;
   StartSettings settings;

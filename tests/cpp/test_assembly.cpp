@@ -6,14 +6,14 @@ using namespace mechanisms;
 
 TEST_EACH(for_each,
           "poses a tenth of a millimetre or a hundredth of a degree apart are modes of their own") {
-  const Pose home = to_pose<K>(mechanism.robot.home);
+  const Pose home = to_pose(K, mechanism.robot.home);
   std::vector<Pose> found{home};
   for (int j = 0; j < n; ++j) {
     Joint step{};
     step[j] = 1e-4;
-    found.push_back(moved<K>(home, step));
+    found.push_back(moved(K, home, step));
     step[j] = 1e-4 + 1e-9;  // another search's end there
-    found.push_back(moved<K>(home, step));
+    found.push_back(moved(K, home, step));
   }
   const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
   CHECK(modes.size() == n + 1);
@@ -22,10 +22,10 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "the mode nearest to home is told first") {
-  const Pose home = to_pose<K>(mechanism.robot.home);
+  const Pose home = to_pose(K, mechanism.robot.home);
   check::Random random(81);
   std::vector<Pose> found;
-  for (int k = 0; k < 20; ++k) found.push_back(to_pose<K>(random_pose(mechanism, random)));
+  for (int k = 0; k < 20; ++k) found.push_back(to_pose(K, random_pose(mechanism, random)));
   const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
   CHECK(modes.size() == 20);
   const auto from_home = [&](const Pose& at) {
@@ -37,8 +37,8 @@ TEST_EACH(for_each, "the mode nearest to home is told first") {
 
 TEST_EACH(for_each, "every start is one from which the rods can reach") {
   const Robot& robot = mechanism.robot;
-  Closure<K> closure;
-  CHECK(ikm<K>(robot, to_pose<K>(robot.home), closure));
+  Closure closure;
+  CHECK(ikm(robot, to_pose(K, robot.home), closure));
   const Joint q = closure.q();
   const auto starts = random_starts(robot, q, 200, 3), again = random_starts(robot, q, 200, 3);
   CHECK(starts.size() == 201);
@@ -48,13 +48,13 @@ TEST_EACH(for_each, "every start is one from which the rods can reach") {
     low = low.cwiseMin(starts[k].D), high = high.cwiseMax(starts[k].D);
     for (int i = 0; i < n; ++i) {
       const Driven at = driven_point(robot.chain[i], q[i]);
-      const Vec3 apart = starts[k].D - (robot.chain[i].base() + at.p - robot.chain[i].anchor());
+      const Vec3 apart = starts[k].D - (robot.chain[i].base + at.p - robot.chain[i].anchor);
       const int axes = dof(robot.mobility) == 2 || robot.mobility == Mobility::planar ? 2 : 3;
       CHECK(apart.head(axes).cwiseAbs().maxCoeff() <=
-            at.rod + robot.chain[i].pivot().norm() + 1e-12);
+            at.rod + robot.chain[i].pivot.norm() + 1e-12);
     }
   }
-  const Vec3 home = to_pose<K>(robot.home).D;  // which has starts on all its sides
+  const Vec3 home = to_pose(K, robot.home).D;  // which has starts on all its sides
   CHECK((low.head<2>().array() < home.head<2>().array()).all());
   CHECK((high.head<2>().array() > home.head<2>().array()).all());
 }

@@ -133,7 +133,7 @@ TEST_EACH(for_each_pivot,
     CHECK_NEAR(read[n], x[n - 1], 0);
     truepose_pose pose;
     CHECK(same(truepose_pose_of(model, x.data(), &pose), {}));
-    const Pose there = placed<K>(robot, to_pose<K>(x));
+    const Pose there = placed(robot, to_pose(K, x));
     for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
     truepose_real found[6] = {};
     CHECK(same(truepose_coordinates_of(model, &pose, found), {}));
@@ -213,7 +213,7 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       Setpoint setpoint;
       setpoint.x = random_pose(mechanism, random, 0.3);
       const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
-      Extended q_e = readings_at<K>(robot, setpoint.x);
+      Extended q_e = readings_at(robot, setpoint.x);
       for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
       Joint e{};
       truepose_real e_c[6] = {}, torque[6] = {};
@@ -229,14 +229,14 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
                                   known.work.data(), torque),
                  control(robot, settings, setpoint, q_e, state, keeps)));
       CHECK(same(torque, state.torque));
-      Pose pose = to_pose<K>(robot.home);
-      const auto estimated = estimate<K>(robot, known.of, q_e, pose, known.work.data());
+      Pose pose = to_pose(K, robot.home);
+      const auto estimated = estimate(robot, known.of, q_e, pose, known.work.data());
       truepose_real x_c[6];
       std::copy_n(robot.home.begin(), 6, x_c);
       const truepose_estimate_result result =
           truepose_estimate(model, known, q_e.data(), known.work.data(), x_c);
       CHECK(same(result.outcome, estimated.outcome));
-      CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
+      CHECK(same(x_c, to_coordinates(K, pose)) && result.chi2 == estimated.chi2);
     }
   }
   truepose_real e[6];
@@ -290,7 +290,7 @@ TEST_EACH(for_each,
           setpoint.x = robot.home;
           setpoint.x[0] += 0.02 * std::sin(0.02 * k);
           const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
-          Extended q_e = readings_at<K>(robot, setpoint.x);
+          Extended q_e = readings_at(robot, setpoint.x);
           const bool comes = k % 10 == 8;
           if (k == 0 || comes) held = q_e;
           std::copy_n(held.begin() + n, robot.r, q_e.begin() + n);
@@ -307,7 +307,7 @@ TEST_EACH(for_each,
           truepose_real torque[6];
           Outcome outcome;
           if (monitors) {
-            outcome = control_fault_tolerant<K>(robot, settings, watch, setpoint, q_e, state, keeps,
+            outcome = control_fault_tolerant(robot, settings, watch, setpoint, q_e, state, keeps,
                                                 seen, &late);
             CHECK(same(truepose_control_fault_tolerant(model, nullptr, &controller, &monitor,
                                                        &setpoint_c, q_e.data(), known,
@@ -316,9 +316,9 @@ TEST_EACH(for_each,
           } else {
             Extended present = q_e;
             Knowledge weighed;
-            const Weighing by = compensated<K>(robot, properties(law).weighs ? keeps : Weighing{},
+            const Weighing by = compensated(robot, properties(law).weighs ? keeps : Weighing{},
                                                late, weighed, present);
-            outcome = control<K>(robot, settings, setpoint, present, state, by);
+            outcome = control(robot, settings, setpoint, present, state, by);
             CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
                                         known.work.data(), torque),
                        outcome));
@@ -367,7 +367,7 @@ TEST_EACH(for_each,
       controller_in_c(in_c<truepose_control_settings>(settings_for(robot, Law::joint)));
   truepose_fault_monitor fault_state = monitor_in_c({});
   const truepose_setpoint setpoint = setpoint_in_c(robot.home);
-  Extended q_e = readings_at<K>(robot, robot.home);
+  Extended q_e = readings_at(robot, robot.home);
   const int sensor = robot.motors;
   truepose_fault_report report;
   truepose_outcome outcome{};
@@ -420,9 +420,9 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   Robot truth = robot;
   truth.chain[0].encoder_offset += 1e-3;
   for (int k = 0; k < 10; ++k) {
-    const Extended q_e = readings_at<K>(truth, random_pose(mechanism, random));
+    const Extended q_e = readings_at(truth, random_pose(mechanism, random));
     CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
-               calibrate_online<K>(core, q_e)));
+               calibrate_online(core, q_e)));
   }
   truepose_model learnt;
   truepose_knowledge after;
@@ -689,7 +689,7 @@ TEST_EACH(for_each,
     Coordinates rate{};
     std::copy_n(joints.velocity, 6, rate.begin());
     for (Real& value : rate) value *= kStep;
-    CHECK(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near));
+    CHECK(ikm(robot, to_coordinates(K, moved(K, to_pose(K, x), rate)), q_near));
     for (int i = 0; i < n; ++i)
       along =
           std::max(along, std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));
@@ -715,7 +715,7 @@ TEST_EACH(for_each,
                          given.kd[i] * (given.state.velocity[i] - motors.velocity[i]);
     }
     CHECK(model.joint_state(acting, felt));
-    const Coordinates away = difference<K>(to_pose<K>(near), to_pose<K>(x));
+    const Coordinates away = difference(K, to_pose(K, near), to_pose(K, x));
     for (int i = 0; i < n; ++i) {
       const Real asked = wanted.state.torque[i] + wanted.kp[i] * away[i] +
                          wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]);

@@ -44,7 +44,7 @@ struct Bench {
     for (int k = 0; k < kRows; ++k) {
       const Joint at = random_pose(mechanism, random);
       Extended read{};
-      CHECK(extended<K>(truth, to_pose<K>(at), read));
+      CHECK(extended(truth, to_pose(K, at), read));
       for (int i = 0; i < kReadings; ++i) readings.push_back(read[i] + 1e-5 * random());
       for (int i = 0; i < 2; ++i) measured.push_back(at[i] + 2e-5 * random());
     }
@@ -74,7 +74,7 @@ TEST("a calibration in C has the core's parameters, covariance, poses and status
       log.measured = bench.log.measured, log.measured_sigma = sigma.data();
       CalibrationSettings settings;
       settings.loss = static_cast<Loss>(loss), settings.tuning = std::array{0., 1., 4.}[loss];
-      const Kernels model = kernels<K, IdealModel>();
+      const Kernels model = kernels(K);
       const CalibrationResult core =
           Calibrator(bench.robot, model, bench.known, xi, log, settings).run();
       CHECK(core.outcome);
@@ -131,7 +131,7 @@ TEST("a model with other parameters in C is the core's robot, and an invalid col
   CHECK(set_parameters(bench.robot, xi.data(), core));
   const Robot& made = c::Model::of(&changed)->robot;
   for (int i = 0; i < 2; ++i) {
-    CHECK(made.chain[i].rod == core.chain[i].rod && made.chain[i].axis() == core.chain[i].axis());
+    CHECK(made.chain[i].rod == core.chain[i].rod && made.chain[i].axis == core.chain[i].axis);
     CHECK(made.sensor[i].offset == core.sensor[i].offset && made.sensor[i].offset != 0);
   }
   const std::int32_t wrong[] = {0, parameter_count(bench.robot)};

@@ -7,7 +7,7 @@ using namespace mechanisms;
 
 TEST("a payload in C has the core's size and torques, is fed forward, and drives may observe it") {
   constexpr Mobility K = Mobility::schoenflies;
-  const Robot robot = limited_robot<K>(h4());
+  const Robot robot = limited_robot(h4());
   const ModelInC model(robot);
   KnownInC known(robot);
   for (int i = 0; i < 4; ++i)
@@ -35,7 +35,7 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
 
   ControlState state;
   FaultTolerantState fault_state;
-  Plant<K> plant(robot, {}, to_pose<K>(robot.home), 1);
+  Plant plant(robot, {}, to_pose(K, robot.home), 1);
   CHECK(plant.rest());
   plant.disturb({.kind = Disturbance::payload, .size = 2});
   truepose_disturbance seen{}, by_drives{};
@@ -54,7 +54,7 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
     CHECK(truepose_control_fault_tolerant(model, nullptr, &controller, &monitor, &to, q_e.data(),
                                           known, known.work.data(), torque, &report)
               .status <= 0);
-    CHECK(bool(control_fault_tolerant<K>(robot, control_settings, core, setpoint, q_e, state,
+    CHECK(bool(control_fault_tolerant(robot, control_settings, core, setpoint, q_e, state,
                                          known.prior.weighing(), fault_state)));
     CHECK(std::equal(state.torque.begin(), state.torque.end(), torque));
     CHECK(truepose_fault_monitor_disturbance(&monitor, &seen).status == 0);

@@ -9,9 +9,8 @@ using namespace mechanisms;
 namespace {
 
 /// A robot with torque limits, its controller and its shell as a C program has them.
-template <Mobility K>
 struct InC {
-  explicit InC(const Mechanism& mechanism) : robot(limited_robot<K>(mechanism)) {
+  explicit InC(const Mechanism& mechanism) : robot(limited_robot(mechanism)) {
     CHECK(same(truepose_safety_defaults(model, &settings, &limits), {}));
     CHECK(same(truepose_safety_shell_init(&shell, sizeof shell, model, &limits), {}));
   }
@@ -40,7 +39,7 @@ struct InC {
   truepose_safety_limits limits;
   truepose_safety_shell shell;
   truepose_setpoint setpoint = setpoint_in_c(robot.home);
-  Extended q_e = readings_at<K>(robot, robot.home);
+  Extended q_e = readings_at(robot, robot.home);
   truepose_safety_report report{};
   std::uint64_t frame = 0;
 };
@@ -50,7 +49,7 @@ struct InC {
 TEST_EACH(
     for_each,
     "a shell in C starts, names a frozen frame in three cycles, and moves on once acknowledged") {
-  InC<K> c(mechanism);
+  InC c(mechanism);
   c.begin();
   // The core's shell, one cycle for one cycle.
   ControlState state;
@@ -64,7 +63,7 @@ TEST_EACH(
     cycle.counter = {true, frame};
     cycle.request = {frame > 11, false, frame > 10};
     static_cast<void>(
-        control_safely<K>(c.robot, c.law, limits, setpoint, c.q_e, state, shell, cycle));
+        control_safely(c.robot, c.law, limits, setpoint, c.q_e, state, shell, cycle));
   }
   CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
   int until = 0;
@@ -78,7 +77,7 @@ TEST_EACH(
 }
 
 TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's law") {
-  InC<K> c(mechanism);
+  InC c(mechanism);
   truepose_safety_shell alone;
   CHECK(same(truepose_safety_shell_init(&alone, sizeof alone, c.model, &c.limits), {}));
   ControlState state;  // of any law: the core's
@@ -91,7 +90,7 @@ TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's 
     if (!report.follows) state = {};
     Setpoint setpoint;
     setpoint.x = c.robot.home;
-    const Outcome outcome = control<K>(c.robot, c.law, setpoint, c.q_e, state);
+    const Outcome outcome = control(c.robot, c.law, setpoint, c.q_e, state);
     truepose_safety_cycle cycle{};
     cycle.status = static_cast<int>(outcome.status);
     std::copy_n(setpoint.x.begin(), n, cycle.x);

@@ -6,7 +6,7 @@ using namespace mechanisms;
 
 TEST("a start-up test in C passes with the core's torques, brakes and scales") {
   constexpr Mobility K = Mobility::schoenflies;
-  StartBench<K> bench(limited_robot<K>(h4()));
+  StartBench bench(limited_robot(h4()));
   const ModelInC model(bench.robot);
   const auto limits = in_c<truepose_safety_limits>(bench.limits);
   truepose_start_test test;
@@ -17,7 +17,7 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
     CHECK(
         truepose_start_test_cycle(model, &test, q_e.data(), 1, nullptr, nullptr, &report).status ==
         0);
-    start_test<K>(bench.robot, {}, bench.limits, q_e, true, bench.test);
+    start_test(bench.robot, {}, bench.limits, q_e, true, bench.test);
     CHECK(std::equal(bench.test.torque.begin(), bench.test.torque.end(), report.torque));
     CHECK(report.brakes == bench.test.brakes && report.motor == bench.test.motor);
     CHECK(report.state == static_cast<int>(bench.test.state));
@@ -30,7 +30,7 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
 
 TEST("limits that contradict themselves, and a test that is none, are refused") {
   constexpr Mobility K = Mobility::schoenflies;
-  const StartBench<K> bench(limited_robot<K>(h4()));
+  const StartBench bench(limited_robot(h4()));
   const ModelInC model(bench.robot);
   auto limits = in_c<truepose_safety_limits>(bench.limits);
   truepose_start_test test{};

@@ -8,7 +8,6 @@ using namespace truepose;
 namespace {
 
 /// A robot and what is known of it: drawn, or learnt from lines over its box as well.
-template <Mobility K>
 struct Scene {
   mechanisms::Mechanism mechanism;
   Robot& robot = mechanism.robot;
@@ -22,11 +21,11 @@ struct Scene {
     check::Random random(3);
     for (int k = 0; k < lines; ++k) {
       Extended q_e;
-      CHECK(extended<K>(robot, to_pose<K>(mechanisms::random_pose(mechanism, random)), q_e));
-      CHECK(calibrate_online<K>(learner, q_e));
+      CHECK(extended(robot, to_pose(K, mechanisms::random_pose(mechanism, random)), q_e));
+      CHECK(calibrate_online(learner, q_e));
     }
-    H_xi.resize((kDof<K> + r) * parameter_count(robot));
-    B.resize((kDof<K> + r) * prior.known().count);
+    H_xi.resize((dof(K) + r) * parameter_count(robot));
+    B.resize((dof(K) + r) * prior.known().count);
   }
   Scene(const Scene&) = delete;
 
@@ -42,7 +41,7 @@ struct Scene {
   /// A path through the box, every coordinate at a frequency of its own.
   Coordinates along(double time, double size = 0.8) const {
     Coordinates x = robot.home;
-    for (int i = 0; i < kDof<K>; ++i)
+    for (int i = 0; i < dof(K); ++i)
       x[i] += size * mechanism.box[i] * std::sin((2 + 0.7 * i) * time + i);
     return x;
   }
@@ -53,39 +52,39 @@ struct Scene {
     Pose found;
   };
   Answer answer(const Coordinates& x, const Weighing& weighing, double beside = 1e-3) {
-    Reference<K> reference;
+    Reference reference;
     Answer answer;
     Joint error;
     Extended q_e;
     check::Random random(9);
-    CHECK(extended<K>(robot, mechanisms::nearby<K>(to_pose<K>(x), random, beside), q_e));
-    CHECK(refer<K>(robot, Law::weighted, x, reference, 0, weighing));
+    CHECK(extended(robot, mechanisms::nearby(K, to_pose(K, x), random, beside), q_e));
+    CHECK(refer(robot, Law::weighted, x, reference, 0, weighing));
     answer.tej = reference.tej;
-    CHECK(refer<K>(robot, Law::estimated, x, reference, 0, weighing));
-    CHECK(motor_error<K>(robot, Law::estimated, reference, q_e, error, answer.found, weighing));
+    CHECK(refer(robot, Law::estimated, x, reference, 0, weighing));
+    CHECK(motor_error(robot, Law::estimated, reference, q_e, error, answer.found, weighing));
     return answer;
   }
 
   /// Least squares in the robot's own C at a pose.
   ReadingCovariance C;
-  Matrix<kMaxReadings, kDof<K>> H_x;
-  Fusion<K> fusion;
-  Eigen::Matrix<double, kDof<K>, kDof<K>> J;
+  PoseRows H_x;
+  Fusion fusion;
+  Eigen::Matrix<double, dof(K), dof(K)> J;
   void look(const Pose& pose) {
     Extended q_e;
-    CHECK(linearise<K>(robot, pose, q_e, H_x, H_xi.data()));
+    CHECK(linearise(robot, pose, q_e, H_x, H_xi.data()));
     CHECK(reading_covariance(robot, known(), H_xi.data(), B.data(), C));
-    CHECK(fuse<K>(robot, known(), C, H_x, fusion));
-    for (int i = 0; i < kDof<K>; ++i)
-      for (int j = 0; j < kDof<K>; ++j) J(i, j) = H_x[i][j];
+    CHECK(fuse(robot, known(), C, H_x, fusion));
+    for (int i = 0; i < dof(K); ++i)
+      for (int j = 0; j < dof(K); ++j) J(i, j) = H_x[i][j];
     J = J.inverse().eval();
   }
   /// Row i of the gain that a TEJ has, less that of the fresh weights.
   Extended apart(const ExtendedRows& tej, int i) const {
     Extended row{};
-    for (int c = 0; c < kDof<K> + robot.r; ++c) {
+    for (int c = 0; c < dof(K) + robot.r; ++c) {
       row[c] = -fusion.gain[i][c];
-      for (int j = 0; j < kDof<K>; ++j) row[c] += J(i, j) * tej[j][c];
+      for (int j = 0; j < dof(K); ++j) row[c] += J(i, j) * tej[j][c];
     }
     return row;
   }
@@ -93,8 +92,8 @@ struct Scene {
   double share(const Pose& pose, const ExtendedRows& tej) {
     look(pose);
     double most = 0;
-    const int rows = kDof<K> + robot.r;
-    for (int i = 0; i < kDof<K>; ++i) {
+    const int rows = dof(K) + robot.r;
+    for (int i = 0; i < dof(K); ++i) {
       const Extended row = apart(tej, i);
       double sum = 0;
       for (int k = 0; k < rows; ++k) {
@@ -111,11 +110,11 @@ struct Scene {
 /// Calls f(scene) for every mechanism with one sensor and with two, as drawn and after learning.
 template <class F>
 void for_each_scene(F&& f) {
-  mechanisms::for_each([&](const mechanisms::Mechanism& mechanism, auto mobility) {
+  mechanisms::for_each([&](const mechanisms::Mechanism& mechanism) {
     for (const int r : {1, 2})
       for (const int lines : {0, 60}) {
-        Scene<mobility()> scene(mechanism, r, lines);
-        f(scene, mobility);
+        Scene scene(mechanism, r, lines);
+        f(scene);
       }
   });
 }
@@ -132,12 +131,12 @@ double apart(int n, int rows, const ExtendedRows& a, const ExtendedRows& b) {
 
 TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on paths through the box") {
   long cycles = 0, refreshed = 0;
-  for_each_scene([&](auto& scene, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_scene([&](auto& scene) {
+    const Mobility K = scene.robot.mobility;
     for (int k = 0; k < 400; ++k) {
       const Joint q = scene.kept.q;
-      Reference<K> reference;
-      CHECK(refer<K>(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0,
+      Reference reference;
+      CHECK(refer(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0,
                      scene.keeping()));
       CHECK(scene.share(reference.closure.pose, reference.tej) < scene.kept.share);
       refreshed += q != scene.kept.q;
@@ -150,9 +149,9 @@ TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on pat
 }
 
 TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pose give that pose") {
-  for_each_scene([](auto& scene, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
+  for_each_scene([](auto& scene) {
+    const Mobility K = scene.robot.mobility;
+    const int n = dof(K);
     scene.answer(scene.robot.home, scene.keeping());
     scene.kept.reach = INFINITY;
     const Joint q = scene.kept.q;
@@ -171,43 +170,43 @@ TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pos
           CHECK_NEAR(sum, i == j, 1e-11);
         }
       check::Random same(9);
-      const Pose true_pose = mechanisms::nearby<K>(to_pose<K>(x), same, 1e-3);
-      CHECK(mechanisms::distance<K>(old.found, true_pose) < 1e-10);
+      const Pose true_pose = mechanisms::nearby(K, to_pose(K, x), same, 1e-3);
+      CHECK(mechanisms::distance(old.found, true_pose) < 1e-10);
     }
   });
 }
 
 TEST("x̂ of kept weights solves their own least squares, and is near that of fresh ones") {
-  for_each_scene([](auto& scene, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
+  for_each_scene([](auto& scene) {
+    const Mobility K = scene.robot.mobility;
+    const int n = dof(K);
     check::Random random(7);
     const int rows = n + scene.robot.r;
     for (int k = 0; k < 60; ++k) {
       const Coordinates x = scene.along(5e-3 * k);
       Extended q_e;  // of a robot beside x whose readings disagree by a few σ
-      CHECK(extended<K>(scene.robot, mechanisms::nearby<K>(to_pose<K>(x), random, 1e-3), q_e));
+      CHECK(extended(scene.robot, mechanisms::nearby(K, to_pose(K, x), random, 1e-3), q_e));
       for (int c = 0; c < rows; ++c) q_e[c] += 3e-5 * random();
-      Reference<K> reference;
+      Reference reference;
       Joint error;
       Pose kept;
-      CHECK(refer<K>(scene.robot, Law::estimated, x, reference));
-      CHECK(motor_error<K>(scene.robot, Law::estimated, reference, q_e, error, kept,
+      CHECK(refer(scene.robot, Law::estimated, x, reference));
+      CHECK(motor_error(scene.robot, Law::estimated, reference, q_e, error, kept,
                            scene.keeping()));
       Pose fresh = kept;  // weights of that pose
       Parasitic rest;
-      CHECK((estimate_from<K, IdealModel>(scene.robot, scene.known(), q_e, fresh,
+      CHECK((estimate_from(Level::ideal, scene.robot, scene.known(), q_e, fresh,
                                           scene.fresh().work, rest, kEstimateIterations)));
       // The gain of the weights that are kept, at x̂, finds no error in what is left.
-      CachedFusion<K> at;
+      CachedFusion at;
       Extended expected, residual{};
       Coordinates step;
-      Matrix<kMaxReadings, n> H_x;
-      CHECK(linearise<K>(scene.robot, kept, expected, H_x, nullptr));
+      PoseRows H_x;
+      CHECK(linearise(scene.robot, kept, expected, H_x, nullptr));
       CHECK(at.set_jacobians(scene.robot, H_x) && at.weigh(scene.robot, scene.known(), scene.kept));
       innovation(scene.robot, q_e, expected, residual);
       const double chi2 = at.step(scene.robot, residual, step);
-      const Coordinates moved = difference<K>(kept, fresh);
+      const Coordinates moved = difference(K, kept, fresh);
       for (int i = 0; i < n; ++i) {
         const double sigma = std::sqrt(at.variance[i]);
         CHECK(std::fabs(step[i]) < 1e-3 * sigma);
@@ -218,8 +217,8 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
 }
 
 TEST("another geometry, other knowledge, other noise: the weights follow in the same cycle") {
-  for_each_scene([](auto& scene, auto mobility) {
-    constexpr int n = kDof<mobility()>;
+  for_each_scene([](auto& scene) {
+    const int n = dof(K);
     const Coordinates x = scene.along(0.3);
     const int rows = n + scene.robot.r;
     const auto as_before = scene.answer(x, scene.keeping()).tej;

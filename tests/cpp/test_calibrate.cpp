@@ -9,10 +9,9 @@ using namespace mechanisms;
 namespace {
 
 /// A robot with two telemeters that differs from its drawing, and a log of it.
-template <Mobility K>
 class SceneOf {
  public:
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   Robot robot, truth;
   Knowledge known;
   std::vector<double> mean, q_e, measured, measured_sigma, influence;
@@ -57,7 +56,7 @@ class SceneOf {
     for (int k = 0; k < lines; ++k) {
       x.push_back(random_pose(mechanism, random_));
       Extended read{};
-      CHECK(extended<K>(truth, to_pose<K>(x.back()), read));
+      CHECK(extended(truth, to_pose(K, x.back()), read));
       add(read);
     }
     for (int k = 0; k < lines * readings() * settings.influences; ++k) act(k);
@@ -79,7 +78,7 @@ class SceneOf {
   /// What a tracker measures that sees the base so.
   void measure(const Registration& by) {
     for (const Joint& at : x) {
-      const Seen seen_there = seen(K, by, to_pose<K>(at));
+      const Seen seen_there = seen(K, by, to_pose(K, at));
       for (int i = 0; i < n; ++i) {
         measured_sigma.push_back(2e-5 * (1 + i));
         measured.push_back(seen_there.p[i] + measured_sigma.back() * random_());
@@ -92,7 +91,7 @@ class SceneOf {
     log.influence = influence.data();
     if (!measured.empty())
       log.measured = measured.data(), log.measured_sigma = measured_sigma.data();
-    const Kernels model = kernels<K, IdealModel>();
+    const Kernels model = kernels(K);
     return Calibrator(robot, model, known, mean, log, settings).run();
   }
   void leave_out(int k) {
@@ -108,10 +107,10 @@ class SceneOf {
 };
 
 constexpr Mobility K = Mobility::planar_translation;
-constexpr int n = kDof<K>;
+const int n = dof(K);
 
 /// That of a five-bar.
-struct Scene : SceneOf<K> {
+struct Scene : SceneOf {
   explicit Scene(int lines, int r = 2, bool in_unknown_frame = false)
       : SceneOf(five_bar(), lines, r, in_unknown_frame) {}
 };
@@ -129,8 +128,7 @@ double apart(const Scene& scene, const CalibrationResult& a, const CalibrationRe
 /// Checks that a calibration ended where the cost is level in every parameter and every pose, and
 /// that its covariance is that of all equations.
 /// @param exact  1, or more where D is that of poses a step before
-template <Mobility K>
-void check_level(const SceneOf<K>& scene, const CalibrationResult& result, double exact = 1) {
+void check_level(const SceneOf& scene, const CalibrationResult& result, double exact = 1) {
   CHECK(result.outcome);
   const int rows = scene.readings(), p = scene.known.count, m = scene.settings.nuisances;
   const int given = scene.settings.influences;
@@ -139,7 +137,7 @@ void check_level(const SceneOf<K>& scene, const CalibrationResult& result, doubl
   Knowledge axes = scene.known;
   axes.count = m;
   axes.column += p - m;
-  constexpr int freedoms = kDof<K>;
+  constexpr int freedoms = dof(K);
   const int poses = freedoms * scene.lines();
   // All equations at once: readings, prior; in all poses, then u.
   Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows * scene.lines() + p, poses + p);
@@ -149,8 +147,8 @@ void check_level(const SceneOf<K>& scene, const CalibrationResult& result, doubl
     std::copy_n(scene.q_e.data() + k * rows, rows, q_e.begin());
     Matrix<kMaxReadings, freedoms> H_x;
     RowMatrix H_xi(2 * rows, parameter_count(fitted)), D(rows, 0);
-    if constexpr (kRodByRod<K>) CHECK(left_out<K>(fitted, axes, result.pose[k], H_xi.data(), D));
-    CHECK(linearise<K>(fitted, result.pose[k], expected, H_x, H_xi.data()));
+    if (paired(K)) CHECK(left_out(fitted, axes, result.pose[k], H_xi.data(), D));
+    CHECK(linearise(fitted, result.pose[k], expected, H_x, H_xi.data()));
     innovation(fitted, q_e, expected, residual);
     Eigen::MatrixXd B = Eigen::MatrixXd::Zero(rows, p);
     for (int c = 0; c < rows; ++c) {
@@ -190,7 +188,7 @@ TEST("a calibration ends where the cost is level in every parameter and every po
 }
 
 TEST("influences of unknown amounts are learnt with the geometry") {
-  SceneOf<K> scene(five_bar(), 30, 2, false, 2, 0);
+  SceneOf scene(five_bar(), 30, 2, false, 2, 0);
   const CalibrationResult result = scene.calibrate();
   check_level(scene, result);
   CHECK(result.amount.size() == 2);
@@ -212,19 +210,19 @@ TEST("axes of which the ideal level does not see the errors widen what it learns
 }
 
 TEST("a line that is out of the drawn robot's reach counts once the learnt one reaches it") {
-  SceneOf<K> scene(five_bar(), 12, 2, false, 1, 0, 10);
+  SceneOf scene(five_bar(), 12, 2, false, 1, 0, 10);
   check::Random random(3);
   const int ordinary = scene.lines();
   for (int sample = 0; sample < 100000 && scene.lines() < ordinary + 3; ++sample) {
     Joint q{};
     CHECK(ikm(scene.robot, scene.robot.home, q));
     for (int i = 0; i < n; ++i) q[i] += 1.5 * random();
-    Pose drawn = to_pose<K>(scene.robot.home), there = drawn;
-    if (fkm<K>(scene.robot, q, drawn).status == Status::ok ||
-        fkm<K>(scene.truth, q, there).status != Status::ok)
+    Pose drawn = to_pose(K, scene.robot.home), there = drawn;
+    if (fkm(scene.robot, q, drawn).status == Status::ok ||
+        fkm(scene.truth, q, there).status != Status::ok)
       continue;
     Extended read{};
-    CHECK(extended<K>(scene.truth, there, read));
+    CHECK(extended(scene.truth, there, read));
     scene.add(read);
     for (int k = scene.lines() - 1, c = 0; c < scene.readings(); ++c)
       scene.act(k * scene.readings() + c);

@@ -13,7 +13,7 @@ TEST_EACH(
     Prior prior(robot);
     const Weighing weighing = prior.weighing();
     const Setpoint at_home{robot.home, {}, {}};
-    Extended q_e = readings_at<K>(robot, robot.home);
+    Extended q_e = readings_at(robot, robot.home);
     q_e[0] += 1e-3;
     ControlState state;
     CHECK(control(robot, settings, at_home, q_e, state, weighing));
@@ -72,7 +72,7 @@ TEST_EACH(for_each,
   Robot robot = mechanism.robot;
   robot.r = 0;
   const Setpoint at_home{robot.home, {}, {}};
-  Extended q_e = readings_at<K>(robot, robot.home);
+  Extended q_e = readings_at(robot, robot.home);
   for (const Law law : kLaws) {
     ControlState state;
     Prior prior(robot);
@@ -164,14 +164,14 @@ TEST("on the estimate, a hexapod that turns through a right angle is damped by i
   settings.feed_forward = FeedForward::none;
   const Joint twist{0.02, -0.01, 0.03, 0.3, -0.5, 1.0};
   ControlState state;
-  Pose pose = moved<K>(to_pose<K>(robot.home), {0, 0, 0, 0.3, 0.2, -0.4});
+  Pose pose = moved(K, to_pose(K, robot.home), {0, 0, 0, 0.3, 0.2, -0.4});
   Joint step{};
   for (int i = 0; i < 6; ++i) step[i] = twist[i] * settings.period;
   for (int k = 0; k < 600; ++k) {
-    Setpoint setpoint{to_coordinates<K>(pose), {}, {}};
-    Extended q_e = readings_at<K>(robot, pose);
+    Setpoint setpoint{to_coordinates(K, pose), {}, {}};
+    Extended q_e = readings_at(robot, pose);
     CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
-    pose = moved<K>(pose, step);
+    pose = moved(K, pose, step);
   }
   for (int i = 0; i < 6; ++i) CHECK_NEAR(state.rate[i], -twist[i], 1e-6);
 }
@@ -190,8 +190,8 @@ TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in moti
       step[i] = 1e-3 * random();
       still.rate[i] = 0.1 * random();
     }
-    away.x = to_coordinates<K>(moved<K>(to_pose<K>(robot.home), step));
-    Extended q_e = readings_at<K>(robot, robot.home);
+    away.x = to_coordinates(K, moved(K, to_pose(K, robot.home), step));
+    Extended q_e = readings_at(robot, robot.home);
     ControlState state;
     const auto pushes_alone = [&](const Setpoint& setpoint) {
       CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
@@ -212,7 +212,7 @@ TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in moti
 TEST_EACH(for_each, "a desired rate too large for a double fails its own cycle and no later one") {
   const Robot& robot = mechanism.robot;
   Prior prior(robot);
-  Extended q_e = readings_at<K>(robot, robot.home);
+  Extended q_e = readings_at(robot, robot.home);
   for (const Law law : kLaws) {
     ControlSettings settings = settings_for(robot, law);
     settings.feed_forward = FeedForward::none;
@@ -248,8 +248,8 @@ TEST_EACH(for_each,
       setpoint.rate[i] = 0.3 * random();
       setpoint.acceleration[i] = random();
     }
-    const Pose pose = to_pose<K>(setpoint.x);
-    Extended q_e = readings_at<K>(robot, pose);
+    const Pose pose = to_pose(K, setpoint.x);
+    Extended q_e = readings_at(robot, pose);
     Joint asked{};
     for (int i = 0; i < n; ++i) {
       const double error = 1e-3 * random();
@@ -259,7 +259,7 @@ TEST_EACH(for_each,
     ControlState state;
     CHECK(control(robot, settings, setpoint, q_e, state));
     Joint acceleration{};
-    CHECK(forward_dynamics<K>(robot, pose, setpoint.rate, state.torque, acceleration));
+    CHECK(forward_dynamics(robot, pose, setpoint.rate, state.torque, acceleration));
     JointMatrix J;
     CHECK(jacobian(robot, setpoint.x, J));
     for (int i = 0; i < n; ++i) {
@@ -274,17 +274,17 @@ TEST_EACH(for_each,
 
 TEST_EACH(for_each, "pole placement makes each motor alone a critically damped second order") {
   const ControlSettings settings = settings_for(mechanism.robot, Law::joint);
-  Closure<K> closure;
-  Jacobians<K> jacobians;
-  DynamicModel<K> model;
-  CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
-  CHECK(jacobian<K>(closure, jacobians));
-  CHECK(dynamic_model<K>(mechanism.robot, closure, Joint{}, model));
+  Closure closure;
+  Jacobians jacobians;
+  DynamicModel model;
+  CHECK(ikm(mechanism.robot, to_pose(K, mechanism.robot.home), closure));
+  CHECK(jacobian(closure, jacobians));
+  CHECK(dynamic_model(mechanism.robot, closure, Joint{}, model));
   for (int m = 0; m < n; ++m) {
     Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
     for (int i = 0; i < n; ++i) column[i] = jacobians.J[i][m];
-    const Joint still = inverse_dynamics<K>(model, jacobians.J, Joint{});
-    const Joint torque = inverse_dynamics<K>(model, jacobians.J, column);
+    const Joint still = inverse_dynamics(model, jacobians.J, Joint{});
+    const Joint torque = inverse_dynamics(model, jacobians.J, column);
     const double inertia = torque[m] - still[m];
     CHECK_NEAR(settings.kp[m] / inertia, 1e4, 1e-6);
     CHECK_NEAR(settings.kd[m] / inertia, 200, 1e-8);

@@ -28,8 +28,8 @@ Mechanism symmetric_h4() {
   for (int i = 0; i < 4; ++i) {
     Chain& chain = mechanism.robot.chain[i];
     chain.zero = polar(1, alpha[i]);
-    chain.axis = Vec3::UnitZ().cross(chain.zero());
-    chain.base = inner[i] + R * chain.zero();
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.base = inner[i] + R * chain.zero;
   }
   if (!finish(mechanism.robot)) std::printf("%s: home is singular\n", mechanism.name);
   return mechanism;
@@ -44,7 +44,7 @@ void for_each_crossing(F&& f) {
   for (const Crossing& crossing : all) {
     check::state().scene = crossing.mechanism.name;
     with_mobility(crossing.mechanism.robot.mobility, [&](auto mobility) {
-      if constexpr (!kRotational<mobility()>) f(crossing, mobility);  // none of these is one
+      if (!is_rotational(K)) f(crossing);  // none of these is one
     });
   }
 }
@@ -57,18 +57,17 @@ Joint between(const Crossing& crossing, double part) {
 }
 
 /// The rods' unit lines in units of their columns, by their definition.
-template <Mobility K>
 struct Lines {
-  Dense A = Dense::Zero(kDof<K>, kDof<K>);
-  Eigen::VectorXd unit = Eigen::VectorXd::Zero(kDof<K>);
+  Dense A = Dense::Zero(dof(K), dof(K));
+  Eigen::VectorXd unit = Eigen::VectorXd::Zero(dof(K));
 
-  explicit Lines(const Closure<K>& closure) {
-    for (int i = 0; i < kDof<K>; ++i) {
+  explicit Lines(const Closure& closure) {
+    for (int i = 0; i < dof(K); ++i) {
       const Vec3 along = closure.chain[i].v.normalized(), lever = closure.chain[i].lever;
       Eigen::Matrix<double, 6, 1> line;
       line << along, lever.cross(along);
-      for (int j = 0; j < kDof<K>; ++j) {
-        const int column = Freedom<K>::columns[j];
+      for (int j = 0; j < dof(K); ++j) {
+        const int column = free_columns(K)[j];
         A(i, j) = line[column];
         unit[j] += column < 3 ? 1 : lever.squaredNorm();
       }
@@ -78,10 +77,9 @@ struct Lines {
   }
 };
 
-template <Mobility K>
 double largest(const Joint& values) {
   double result = 0;
-  for (int i = 0; i < kDof<K>; ++i) result = std::max(result, std::fabs(values[i]));
+  for (int i = 0; i < dof(K); ++i) result = std::max(result, std::fabs(values[i]));
   return result;
 }
 
@@ -92,21 +90,21 @@ TEST_EACH(for_each,
   check::Random random(91);
   for (int k = 0; k < 50; ++k) {
     Joint x = random_pose(mechanism, random), serial{}, again{};
-    Closure<K> closure;
-    CHECK(ikm<K>(mechanism.robot, to_pose<K>(x), closure));
-    const Dense A = Lines<K>(closure).A;
+    Closure closure;
+    CHECK(ikm(mechanism.robot, to_pose(K, x), closure));
+    const Dense A = Lines(closure).A;
     double parallel = 0, scaled = 0;
     CHECK(conditioning(mechanism.robot, x, parallel, serial));
     CHECK_NEAR(parallel, n / (A.norm() * reference::inverse(A).norm()), 1e-12);
     CHECK(parallel > 0.4 && parallel <= 1);
     Robot large = mechanism.robot;
     for (Chain& chain : large.chain) {
-      for (Plain<Vec3>* vector : {&chain.base, &chain.pivot, &chain.anchor}) (*vector)() *= 1000;
+      for (Vec3* vector : {&chain.base, &chain.pivot, &chain.anchor}) (*vector)() *= 1000;
       chain.arm *= 1000;
       chain.rod *= 1000;
     }
     for (int j = 0; j < n; ++j)
-      if (Freedom<K>::columns[j] < 3) x[j] *= 1000;
+      if (free_columns(K)[j] < 3) x[j] *= 1000;
     CHECK(conditioning(large, x, scaled, again));
     CHECK_NEAR(parallel, scaled, 1e-12);
     for (int i = 0; i < n; ++i) CHECK_NEAR(serial[i], again[i], 1e-10);
@@ -114,18 +112,18 @@ TEST_EACH(for_each,
 }
 
 TEST("in the band J is the damped least squares of its definition, and its gain is bounded") {
-  for_each_crossing([](const Crossing& crossing, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
+  for_each_crossing([](const Crossing& crossing) {
+    const Mobility K = crossing.mechanism.robot.mobility;
+    const int n = dof(K);
     int damped = 0;
     double exact_gain = 0;
     for (double part = 0; part <= 1; part += 1e-4) {
-      Closure<K> closure;
-      CHECK(ikm<K>(crossing.mechanism.robot, to_pose<K>(between(crossing, part)), closure));
-      const Lines<K> lines(closure);
-      const double c = Conditioning<K>(closure).parallel(), size = lines.A.norm() / n;
-      Jacobians<K> jacobians;
-      const Outcome outcome = jacobian<K>(closure, kBand, jacobians);
+      Closure closure;
+      CHECK(ikm(crossing.mechanism.robot, to_pose(K, between(crossing, part)), closure));
+      const Lines lines(closure);
+      const double c = Conditioning(closure).parallel(), size = lines.A.norm() / n;
+      Jacobians jacobians;
+      const Outcome outcome = jacobian(closure, kBand, jacobians);
       CHECK(outcome.status == (c < kBand ? Status::near_singular : Status::ok));
       if (outcome.status == Status::ok) continue;
       ++damped;
@@ -148,9 +146,9 @@ TEST("in the band J is the damped least squares of its definition, and its gain 
 }
 
 TEST("across a singularity of type 2 the torques stay bounded and steady, and the status warns") {
-  for_each_crossing([](const Crossing& crossing, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
+  for_each_crossing([](const Crossing& crossing) {
+    const Mobility K = crossing.mechanism.robot.mobility;
+    const int n = dof(K);
     const Robot& robot = crossing.mechanism.robot;
     for (const Law law : {Law::joint, Law::tej, Law::cartesian}) {
       if (law == Law::cartesian && K != Mobility::schoenflies) continue;
@@ -164,20 +162,20 @@ TEST("across a singularity of type 2 the torques stay bounded and steady, and th
       ControlState last;
       for (double part = 0; part <= 1; part += 1e-4) {
         Setpoint setpoint{between(crossing, part), {0.1, 0.1}, {1, 1}};
-        const Pose pose = moved<K>(to_pose<K>(setpoint.x), Joint{1e-4, 1e-4});
+        const Pose pose = moved(K, to_pose(K, setpoint.x), Joint{1e-4, 1e-4});
         Extended q_e{};
-        CHECK(extended<K>(robot, pose, q_e));
+        CHECK(extended(robot, pose, q_e));
         ControlState state, other;
         const Status status = control(robot, damped, setpoint, q_e, state).status;
         if (seen.empty() || seen.back() != status) seen.push_back(status);
         if (status == Status::branch_lost) continue;
         double& most = status == Status::ok ? outside : inside;
-        most = std::max(most, largest<K>(state.torque));
+        most = std::max(most, largest(state.torque));
         for (int i = 0; i < n && last.started; ++i)
           jump = std::max(jump, std::fabs(state.torque[i] - last.torque[i]));
         last = state;
         if (status == Status::near_singular && control(robot, exact, setpoint, q_e, other))
-          paper = std::max(paper, largest<K>(other.torque));
+          paper = std::max(paper, largest(other.torque));
       }
       // Well before the mode changes, in the band, and past it: held.
       CHECK((seen == std::vector{Status::ok, Status::near_singular, Status::branch_lost}));
@@ -205,15 +203,15 @@ TEST_EACH(for_each,
     Joint x = robot.home, rate{};
     x[1] += in - inside;
     rate[1] = 1;
-    Closure<K> closure;
-    Jacobians<K> exact, damped;
-    if (!ikm<K>(robot, to_pose<K>(x), closure)) continue;  // by a rounding
-    if (jacobian<K>(closure, exact)) paper = std::max(paper, largest<K>(exact.joint_rate(rate)));
-    const Conditioning<K> conditioning(closure);
+    Closure closure;
+    Jacobians exact, damped;
+    if (!ikm(robot, to_pose(K, x), closure)) continue;  // by a rounding
+    if (jacobian(closure, exact)) paper = std::max(paper, largest(exact.joint_rate(rate)));
+    const Conditioning conditioning(closure);
     int stretched = 0;
     while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
-    const Closure<K> as_is = closure;
-    const Outcome outcome = jacobian<K>(closure, kBand, damped);
+    const Closure as_is = closure;
+    const Outcome outcome = jacobian(closure, kBand, damped);
     const bool dependent = conditioning.parallel() < kBand;
     CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
     if (!dependent) CHECK(outcome.chain == (stretched < n ? stretched : -1));
@@ -238,27 +236,27 @@ TEST_EACH(for_each,
     settings.kp.fill(10);
     settings.kd.fill(0.1);
     Extended q_e{};
-    if (!extended<K>(robot, to_pose<K>(x), q_e)) continue;
+    if (!extended(robot, to_pose(K, x), q_e)) continue;
     ControlState state;
     CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
-    CHECK(all_finite(state.torque, n) && largest<K>(state.torque) < 1e4);
+    CHECK(all_finite(state.torque, n) && largest(state.torque) < 1e4);
   }
   CHECK(paper > 10 * kGain);
 }
 
 TEST("a damped setpoint settles, and says that it was damped") {
-  for_each_crossing([](const Crossing& crossing, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_crossing([](const Crossing& crossing) {
+    const Mobility K = crossing.mechanism.robot.mobility;
     const Robot& robot = crossing.mechanism.robot;
     StaticsSettings settings;
     settings.control.damped_below = kBand;
     Joint x{};
-    CHECK(settle<K>(robot, robot, settings, crossing.from, x).status == Status::ok);
+    CHECK(settle(robot, robot, settings, crossing.from, x).status == Status::ok);
     double part = 0, parallel = 1;
     Joint serial{};
     for (; parallel >= kBand; part += 1e-3)
       CHECK(conditioning(robot, between(crossing, part), parallel, serial));
-    CHECK(settle<K>(robot, robot, settings, between(crossing, part - 1e-3), x).status ==
+    CHECK(settle(robot, robot, settings, between(crossing, part - 1e-3), x).status ==
           Status::near_singular);
   });
 }

@@ -9,41 +9,37 @@ using namespace pivots_tested;
 namespace {
 
 /// A state inside the workspace: pose, free twist of about 0.5 m/s and 2 rad/s.
-template <Mobility K>
 PlantState random_state(const Mechanism& mechanism, check::Random& random) {
-  PlantState state{to_pose<K>(random_pose(mechanism, random, kReach<K>)), {}};
-  for (int i = 0; i < kDof<K>; ++i)
-    state.rate[i] = (!kRotational<K> && i < kPositions<K> ? 0.5 : 2) * random();
+  PlantState state{to_pose(K, random_pose(mechanism, random, reach(K))), {}};
+  for (int i = 0; i < dof(K); ++i)
+    state.rate[i] = (!is_rotational(K) && i < positions_of(K) ? 0.5 : 2) * random();
   return state;
 }
 
 /// The state after a time h of constant acceleration, to second order in h.
-template <Mobility K>
 PlantState along(const PlantState& start, const Joint& acceleration, double h) {
   PlantState state = start;
   Joint step{};
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(K); ++i) {
     step[i] = h * (start.rate[i] + 0.5 * h * acceleration[i]);
     state.rate[i] += h * acceleration[i];
   }
-  state.pose = moved<K>(start.pose, step);
+  state.pose = moved(K, start.pose, step);
   return state;
 }
 
-template <Mobility K>
-DynamicModel<K> model_at(const Robot& robot, const PlantState& state, Jacobians<K>& jacobians) {
-  Closure<K> closure;
-  DynamicModel<K> model;
-  CHECK(ikm<K>(robot, state.pose, closure));
-  CHECK(jacobian<K>(closure, jacobians));
-  CHECK(dynamic_model<K>(robot, closure, state.rate, model));
+DynamicModel model_at(const Robot& robot, const PlantState& state, Jacobians& jacobians) {
+  Closure closure;
+  DynamicModel model;
+  CHECK(ikm(robot, state.pose, closure));
+  CHECK(jacobian(closure, jacobians));
+  CHECK(dynamic_model(robot, closure, state.rate, model));
   return model;
 }
 
-template <Mobility K>
 double total_energy(const Robot& robot, const PlantState& state) {
   Energy result;
-  CHECK(energy<K>(robot, state.pose, state.rate, result));
+  CHECK(energy(robot, state.pose, state.rate, result));
   return result.kinetic + result.potential;
 }
 
@@ -52,8 +48,8 @@ double total_energy(const Robot& robot, const PlantState& state) {
 TEST_EACH(for_each, "the mass matrix is symmetric and positive definite") {
   check::Random random(51);
   for (int k = 0; k < 200; ++k) {
-    Jacobians<K> jacobians;
-    const auto model = model_at<K>(mechanism.robot, random_state<K>(mechanism, random), jacobians);
+    Jacobians jacobians;
+    const auto model = model_at(mechanism.robot, random_state(mechanism, random), jacobians);
     for (int trial = 0; trial < 20; ++trial) {
       const Joint rate = random_joint(random, 1);
       double twice_kinetic = 0, size = 0;
@@ -76,14 +72,14 @@ TEST_EACH(for_every, "the torques of an acceleration give that acceleration, fri
   }
   check::Random random(52);
   for (int k = 0; k < 200; ++k) {
-    const PlantState state = random_state<K>(mechanism, random);
+    const PlantState state = random_state(mechanism, random);
     const Joint wanted = random_joint(random, 20);
-    Jacobians<K> jacobians;
-    const auto model = model_at<K>(robot, state, jacobians);
-    Joint torque = inverse_dynamics<K>(model, jacobians.J, wanted), acceleration{}, whole{};
+    Jacobians jacobians;
+    const auto model = model_at(robot, state, jacobians);
+    Joint torque = inverse_dynamics(model, jacobians.J, wanted), acceleration{}, whole{};
     for (int i = 0; i < n; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
-    CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
-    CHECK(inverse_dynamics<K>(robot, state.pose, state.rate, wanted, whole));
+    CHECK(forward_dynamics(robot, state.pose, state.rate, torque, acceleration));
+    CHECK(inverse_dynamics(robot, state.pose, state.rate, wanted, whole));
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(acceleration[i], wanted[i], 1e-10);
       CHECK_NEAR(whole[i], torque[i], 1e-10);
@@ -96,20 +92,20 @@ TEST_EACH(for_each,
   // With a unit of inertia on each motor and nothing else, torque is the motor's acceleration.
   Robot robot = mechanism.robot;
   robot.bodies = 0;
-  robot.gravity().setZero();
+  robot.gravity.setZero();
   for (int i = 0; i < n; ++i) set_masses(robot.chain[i], 1, 0, 0);
   check::Random random(53);
   for (int k = 0; k < 100; ++k) {
-    const PlantState state = random_state<K>(mechanism, random);
+    const PlantState state = random_state(mechanism, random);
     const Joint acceleration = random_joint(random, 5);
-    Jacobians<K> jacobians;
-    const auto model = model_at<K>(robot, state, jacobians);
-    const Joint qdd = inverse_dynamics<K>(model, jacobians.J, acceleration);
+    Jacobians jacobians;
+    const auto model = model_at(robot, state, jacobians);
+    const Joint qdd = inverse_dynamics(model, jacobians.J, acceleration);
     const double h = 1e-4;
-    Closure<K> before, at, after;
-    CHECK(ikm<K>(robot, along<K>(state, acceleration, -h).pose, before));
-    CHECK(ikm<K>(robot, state.pose, at));
-    CHECK(ikm<K>(robot, along<K>(state, acceleration, h).pose, after));
+    Closure before, at, after;
+    CHECK(ikm(robot, along(state, acceleration, -h).pose, before));
+    CHECK(ikm(robot, state.pose, at));
+    CHECK(ikm(robot, along(state, acceleration, h).pose, after));
     for (int i = 0; i < n; ++i) {
       const double q0 = before.chain[i].q, q1 = at.chain[i].q, q2 = after.chain[i].q;
       const double size = 1 + std::fabs(qdd[i]);
@@ -123,17 +119,17 @@ TEST_EACH(for_every, "energy grows at the power of the motors' torques") {
   const Robot& robot = mechanism.robot;
   check::Random random(54);
   for (int k = 0; k < 200; ++k) {
-    const PlantState state = random_state<K>(mechanism, random);
+    const PlantState state = random_state(mechanism, random);
     const Joint torque = random_joint(random, 5);
     Joint acceleration{};
-    CHECK(forward_dynamics<K>(robot, state.pose, state.rate, torque, acceleration));
-    Jacobians<K> jacobians;
-    const auto model = model_at<K>(robot, state, jacobians);
+    CHECK(forward_dynamics(robot, state.pose, state.rate, torque, acceleration));
+    Jacobians jacobians;
+    const auto model = model_at(robot, state, jacobians);
     double power = 0;
     for (int i = 0; i < n; ++i) power += torque[i] * model.rate[i];
     const double h = 1e-5;
-    const double slope = (total_energy<K>(robot, along<K>(state, acceleration, h)) -
-                          total_energy<K>(robot, along<K>(state, acceleration, -h))) /
+    const double slope = (total_energy(robot, along(state, acceleration, h)) -
+                          total_energy(robot, along(state, acceleration, -h))) /
                          (2 * h);
     CHECK_NEAR(slope, power, 1e-5 * (1 + std::fabs(power)));
   }
@@ -144,16 +140,16 @@ TEST_EACH(for_each, "at rest the bias is the slope of the potential energy") {
   robot.gravity = Vec3(1, -2, -9);  // as if mounted askew
   check::Random random(55);
   for (int k = 0; k < 100; ++k) {
-    const PlantState state{to_pose<K>(random_pose(mechanism, random)), {}};
-    Jacobians<K> jacobians;
-    const auto model = model_at<K>(robot, state, jacobians);
+    const PlantState state{to_pose(K, random_pose(mechanism, random)), {}};
+    Jacobians jacobians;
+    const auto model = model_at(robot, state, jacobians);
     for (int i = 0; i < n; ++i) {
       const auto potential = [&](double h) {
         PlantState there = state;
         Joint step{};
         step[i] = h;
-        there.pose = moved<K>(state.pose, step);
-        return total_energy<K>(robot, there);
+        there.pose = moved(K, state.pose, step);
+        return total_energy(robot, there);
       };
       const double h = 1e-4;
       const double slope =
@@ -166,14 +162,14 @@ TEST_EACH(for_each, "at rest the bias is the slope of the potential energy") {
 TEST("a plant that leaves its workspace says so and keeps its last good state") {
   const Mechanism mechanism = five_bar();
   constexpr Mobility K = Mobility::planar_translation;
-  PlantState state{to_pose<K>(mechanism.robot.home), {}};
+  PlantState state{to_pose(K, mechanism.robot.home), {}};
   Outcome outcome;
   for (int k = 0; k < 2000 && outcome; ++k)
-    outcome = advance<K>(mechanism.robot, Joint{}, 1e-3, 1, state);
+    outcome = advance(mechanism.robot, Joint{}, 1e-3, 1, state);
   CHECK(outcome.status == Status::unreachable || outcome.status == Status::singular);
-  CHECK(state.pose.D.allFinite() && all_finite(state.rate, kDof<K>));
-  Closure<K> closure;
-  CHECK(ikm<K>(mechanism.robot, state.pose, closure));
+  CHECK(state.pose.D.allFinite() && all_finite(state.rate, dof(K)));
+  Closure closure;
+  CHECK(ikm(mechanism.robot, state.pose, closure));
 }
 
 TEST("friction opposes motion: viscous in proportion, Coulomb's at its full size") {
@@ -202,15 +198,15 @@ TEST("a bar's mass follows its pivot, which is a parameter") {
   }
   Robot robot = drawn;
   CHECK(set_parameters(drawn, xi.data(), robot));
-  CHECK(robot.body[0].pivot() == drawn.body[0].pivot());
-  CHECK_NEAR((robot.body[1].pivot() - robot.chain[0].pivot()).norm(), 0, 1e-15);
-  CHECK_NEAR((robot.body[2].pivot() - robot.chain[1].pivot()).norm(), 0, 1e-15);
+  CHECK(robot.body[0].pivot == drawn.body[0].pivot);
+  CHECK_NEAR((robot.body[1].pivot - robot.chain[0].pivot).norm(), 0, 1e-15);
+  CHECK_NEAR((robot.body[2].pivot - robot.chain[1].pivot).norm(), 0, 1e-15);
   Robot light = robot;  // the same chains, the bars where they were drawn
   for (int bar = 0; bar < 2; ++bar) light.body[bar + 1] = drawn.body[bar + 1];
-  const PlantState at_home{to_pose<K>(drawn.home), {}};
-  Jacobians<K> jacobians;
-  CHECK_NEAR(model_at<K>(robot, at_home, jacobians).mass[3][3] -
-                 model_at<K>(light, at_home, jacobians).mass[3][3],
+  const PlantState at_home{to_pose(K, drawn.home), {}};
+  Jacobians jacobians;
+  CHECK_NEAR(model_at(robot, at_home, jacobians).mass[3][3] -
+                 model_at(light, at_home, jacobians).mass[3][3],
              more, 1e-15);
 }
 
@@ -220,22 +216,22 @@ TEST_EACH(for_each, "a rod moves as its points do, between B and A") {
   for (int i = 0; i < n; ++i) set_masses(robot.chain[i], 0, 0, 0.1 * (i + 1));
   check::Random random(58);
   for (int sample = 0; sample < 20; ++sample) {
-    const PlantState state = random_state<K>(mechanism, random);
+    const PlantState state = random_state(mechanism, random);
     constexpr double h = 1e-5;
-    Closure<K> before, after;
-    CHECK(ikm<K>(robot, along<K>(state, {}, -h).pose, before));
-    CHECK(ikm<K>(robot, along<K>(state, {}, h).pose, after));
+    Closure before, after;
+    CHECK(ikm(robot, along(state, {}, -h).pose, before));
+    CHECK(ikm(robot, along(state, {}, h).pose, after));
     double kinetic = 0;  // by Simpson's rule, exact for squares
     for (int i = 0; i < n; ++i)
       for (const double s : {0.0, 0.5, 1.0}) {
-        const auto point = [&](const Closure<K>& at) -> Vec3 {
+        const auto point = [&](const Closure& at) -> Vec3 {
           return at.chain[i].p - s * at.chain[i].v;
         };
         const Vec3 velocity = (point(after) - point(before)) / (2 * h);
         kinetic += robot.chain[i].rod_mass / 2 * (s == 0.5 ? 4 : 1) / 6 * velocity.squaredNorm();
       }
     Energy result;
-    CHECK(energy<K>(robot, state.pose, state.rate, result));
+    CHECK(energy(robot, state.pose, state.rate, result));
     CHECK_NEAR(result.kinetic, kinetic, 1e-6 * kinetic);
   }
 }
@@ -243,13 +239,13 @@ TEST_EACH(for_each, "a rod moves as its points do, between B and A") {
 TEST_EACH(for_each, "dynamics of a known acceleration, without the mass matrix, are M ẍ + c") {
   check::Random random(59);
   for (int k = 0; k < 100; ++k) {
-    const PlantState state = random_state<K>(mechanism, random);
+    const PlantState state = random_state(mechanism, random);
     const Joint acceleration = random_joint(random, 20);
-    Closure<K> closure;
-    DynamicModel<K> whole, known;
-    CHECK(ikm<K>(mechanism.robot, state.pose, closure));
-    CHECK(dynamic_model<K>(mechanism.robot, closure, state.rate, whole));
-    CHECK((dynamic_model<K, false>(mechanism.robot, closure, state.rate, known, acceleration)));
+    Closure closure;
+    DynamicModel whole, known;
+    CHECK(ikm(mechanism.robot, state.pose, closure));
+    CHECK(dynamic_model(mechanism.robot, closure, state.rate, whole));
+    CHECK((dynamic_model<false>(mechanism.robot, closure, state.rate, known, acceleration)));
     for (int i = 0; i < n; ++i) {
       double force = whole.bias[i], size = std::fabs(whole.bias[i]);
       for (int j = 0; j < n; ++j) {

@@ -53,18 +53,18 @@ TEST_EACH(for_each,
   const Robot wobbly = eccentric(mechanism.robot);
   check::Random random(61);
   for (int sample = 0; sample < 100; ++sample) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
     const Joint rate = random_joint(random, 0.5), torque = random_joint(random, 20);
     Joint a{}, b{};
-    CHECK(forward_dynamics<K>(mechanism.robot, pose, rate, torque, a));
-    CHECK(forward_dynamics<K>(wobbly, pose, rate, torque, b));
+    CHECK(forward_dynamics(mechanism.robot, pose, rate, torque, a));
+    CHECK(forward_dynamics(wobbly, pose, rate, torque, b));
     for (int i = 0; i < n; ++i) CHECK_NEAR(a[i], b[i], 1e-9 * (1 + std::fabs(a[i])));
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    DynamicModel<K> model;
-    CHECK(ikm<K>(wobbly, pose, closure) && jacobian<K>(closure, jacobians));
-    CHECK(dynamic_model<K>(wobbly, closure, rate, model));
-    const Joint again = inverse_dynamics<K>(model, jacobians.J, b);
+    Closure closure;
+    Jacobians jacobians;
+    DynamicModel model;
+    CHECK(ikm(wobbly, pose, closure) && jacobian(closure, jacobians));
+    CHECK(dynamic_model(wobbly, closure, rate, model));
+    const Joint again = inverse_dynamics(model, jacobians.J, b);
     for (int i = 0; i < n; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
   }
 }

@@ -37,23 +37,21 @@ struct Scene {
   }
 };
 
-template <Mobility K>
 struct Dense {
   Eigen::MatrixXd H, B, C;  ///< H_x; H_ξ S; B Bᵀ + Σ_s
 };
 
-template <Mobility K, class Model>
-Dense<K> dense(const Scene& scene, const Pose& pose) {
-  const int rows = kDof<K> + scene.robot.r, p = scene.known.count;
+Dense dense(const Scene& scene, const Pose& pose) {
+  const int rows = dof(K) + scene.robot.r, p = scene.known.count;
   const int width = parameter_count(scene.robot);
   Extended q_e;
-  Matrix<kMaxReadings, kDof<K>> H_x;
+  PoseRows H_x;
   RowMatrix H_xi(rows, width);
   Parasitic rest;
-  CHECK(Model::template linearise<K>(scene.robot, pose, q_e, H_x, H_xi.data(), rest));
-  Dense<K> result{Eigen::MatrixXd(rows, kDof<K>), Eigen::MatrixXd(rows, p), {}};
+  CHECK(linearise(level, scene.robot, pose, q_e, H_x, H_xi.data(), rest));
+  Dense result{Eigen::MatrixXd(rows, dof(K)), Eigen::MatrixXd(rows, p), {}};
   for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < kDof<K>; ++j) result.H(i, j) = H_x[i][j];
+    for (int j = 0; j < dof(K); ++j) result.H(i, j) = H_x[i][j];
     for (int k = 0; k < p; ++k) result.B(i, k) = H_xi(i, scene.column[k]);
   }
   result.B *= scene.root;
@@ -68,22 +66,22 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
   check::Random random(5);
   Scene scene(mechanism, random);
   const Robot& robot = scene.robot;
-  const Pose pose = to_pose<K>(random_pose(mechanism, random));
-  const Dense<K> at = dense<K, Model>(scene, pose);
+  const Pose pose = to_pose(K, random_pose(mechanism, random));
+  const Dense at = dense<Model>(scene, pose);
   const Eigen::MatrixXd weights = reference::inverse(at.C);
   const Eigen::MatrixXd P = reference::inverse(at.H.transpose() * weights * at.H);
   const Eigen::MatrixXd gain = P * at.H.transpose() * weights;
 
   Extended q_e;
-  Matrix<kMaxReadings, n> H_x;
+  PoseRows H_x;
   ReadingCovariance C;
-  Fusion<K> fusion;
+  Fusion fusion;
   const int rows = n + robot.r;
   Parasitic rest;
-  CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, scene.work.data(), rest));
+  CHECK(linearise(level, robot, pose, q_e, H_x, scene.work.data(), rest));
   CHECK(reading_covariance(robot, scene.known, scene.work.data(),
                            scene.work.data() + rows * parameter_count(robot), C));
-  CHECK(fuse<K>(robot, scene.known, C, H_x, fusion));
+  CHECK(fuse(robot, scene.known, C, H_x, fusion));
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j)
       CHECK_NEAR(fusion.covariance[i][j], P(i, j), 1e-7 * std::sqrt(P(i, i) * P(j, j)));
@@ -91,7 +89,7 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
       CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
   }
   PoseError error;
-  CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {}, scene.work, error)));
+  CHECK(bool(pose_error(robot, kernels<Model>(), scene.known, pose, {}, scene.work, error)));
   const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
   CHECK((sum - P).norm() < 1e-7 * P.norm());
   // Two influences, in the place of the last two parameters, act as these do.
@@ -101,7 +99,7 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
       pattern(c, j) =
           scene.work[c * parameter_count(robot) + scene.known.column[scene.known.count - 2 + j]];
   PoseError same;
-  CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {2, pattern.data()},
+  CHECK(bool(pose_error(robot, kernels<Model>(), scene.known, pose, {2, pattern.data()},
                         scene.work, same)));
   CHECK((same.by_geometry - error.by_geometry).norm() < 1e-12 * error.by_geometry.norm());
 }
@@ -112,15 +110,15 @@ TEST_MODELS(
   Scene scene(mechanism, random);
   const Robot& robot = scene.robot;
   for (int k = 0; k < 20; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+    const Pose pose = to_pose(K, random_pose(mechanism, random, 0.8));
     Parasitic rest;
     Extended q_e, expected;
-    Matrix<kMaxReadings, n> H_x;
-    CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, nullptr, rest));
-    Pose found = nearby<K>(pose, random, 1e-3);
-    Estimate<K> exact = estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
+    PoseRows H_x;
+    CHECK(linearise(level, robot, pose, q_e, H_x, nullptr, rest));
+    Pose found = nearby(K, pose, random, 1e-3);
+    Estimate exact = estimate(level, robot, scene.known, q_e, found, scene.work.data());
     CHECK(exact);
-    CHECK(distance<K>(found, pose) < 1e-9);
+    CHECK(distance(K, found, pose) < 1e-9);
     CHECK(exact.chi2 < 1e-9);
 
     // Readings that no pose explains: HᵀC⁻¹(q_e - h(x̂)) = 0, C as taken where the motors say.
@@ -128,13 +126,13 @@ TEST_MODELS(
     Joint q{};
     std::copy_n(q_e.begin(), n, q.begin());
     Pose motors = pose;
-    CHECK(Model::template fkm<K>(robot, q, motors, rest) == Status::ok);
-    found = nearby<K>(pose, random, 1e-3);
-    const Estimate<K> best = estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
+    CHECK(motors_pose(level, robot, q, motors, rest) == Status::ok);
+    found = nearby(K, pose, random, 1e-3);
+    const Estimate best = estimate(level, robot, scene.known, q_e, found, scene.work.data());
     CHECK(best);
-    const Eigen::MatrixXd weights = reference::inverse(dense<K, Model>(scene, motors).C);
-    const Eigen::MatrixXd H = dense<K, Model>(scene, found).H;
-    CHECK(Model::template linearise<K>(robot, found, expected, H_x, nullptr, rest));
+    const Eigen::MatrixXd weights = reference::inverse(dense<Model>(scene, motors).C);
+    const Eigen::MatrixXd H = dense<Model>(scene, found).H;
+    CHECK(linearise(level, robot, found, expected, H_x, nullptr, rest));
     Eigen::VectorXd residual(n + robot.r);
     for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
     const Eigen::MatrixXd normal = H.transpose() * weights * H;
@@ -210,15 +208,15 @@ TEST_MODELS(
   check::Random random(5);
   Scene scene(mechanism, random);
   std::vector<Visit> visits(15);
-  for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
-  Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
+  for (Visit& visit : visits) visit.pose = to_pose(K, random_pose(mechanism, random));
+  Joint at_last = to_coordinates(K, visits.back().pose), sigma;
   sigma.fill(1e-4);
   at_last[0] = NAN;  // all coordinates but one
   visits.back().outside = {at_last.data(), sigma.data()};
   const int p = scene.known.count;
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
   for (const Visit& visit : visits) {
-    Dense<K> at = dense<K, Model>(scene, visit.pose);
+    Dense at = dense<Model>(scene, visit.pose);
     for (int i = 0; i < at.H.rows(); ++i) {
       at.H.row(i) /= scene.known.sigma[i];
       at.B.row(i) /= scene.known.sigma[i];
@@ -234,7 +232,7 @@ TEST_MODELS(
     information += rest.transpose() * rest;
   }
   RowMatrix root;
-  CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, {}, root)));
+  CHECK(bool(after_visiting(scene.robot, kernels<Model>(), scene.known, 0, visits, {}, root)));
   const Eigen::MatrixXd expected =
       scene.root * reference::inverse(information) * scene.root.transpose();
   CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
@@ -244,19 +242,19 @@ TEST_MODELS(
 TEST_EACH(for_each, "an estimate that cannot be leaves the guess, and says why") {
   check::Random random(8);
   Scene scene(mechanism, random);
-  const Pose guess = to_pose<K>(scene.robot.home);
+  const Pose guess = to_pose(K, scene.robot.home);
   Extended q_e;
-  CHECK(extended<K>(scene.robot, guess, q_e));
+  CHECK(extended(scene.robot, guess, q_e));
   Pose pose = guess;
   Extended lost = q_e;
   lost[1] = NAN;
-  CHECK(estimate<K>(scene.robot, scene.known, lost, pose, scene.work.data()).outcome.status ==
+  CHECK(estimate(scene.robot, scene.known, lost, pose, scene.work.data()).outcome.status ==
         Status::not_finite);
-  CHECK(distance<K>(pose, guess) < 1e-15);
+  CHECK(distance(K, pose, guess) < 1e-15);
   scene.known.sigma[0] = 0;
-  CHECK(estimate<K>(scene.robot, scene.known, q_e, pose, scene.work.data()).outcome.status ==
+  CHECK(estimate(scene.robot, scene.known, q_e, pose, scene.work.data()).outcome.status ==
         Status::not_finite);
-  CHECK(distance<K>(pose, guess) < 1e-15);
+  CHECK(distance(K, pose, guess) < 1e-15);
 }
 
 TEST("whole turns of a joint are nobody's geometry, those of the nacelle and lengths are") {

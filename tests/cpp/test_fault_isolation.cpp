@@ -8,7 +8,7 @@ using namespace mechanisms;
 namespace {
 
 constexpr Mobility K = Mobility::schoenflies;
-constexpr int kTheta = kDof<K>;
+constexpr int kTheta = dof(K);
 
 /// An H4 whose motors have 14400 counts a turn, fault-tolerant, with one faulty reading.
 struct Faulty {
@@ -25,7 +25,7 @@ struct Faulty {
     prepare(monitor);
   }
   void count() {
-    for (int i = 0; i < kDof<K>; ++i) {
+    for (int i = 0; i < dof(K); ++i) {
       mechanism.robot.chain[i].encoder_step = kCount;
       mechanism.robot.chain[i].torque_limit = 30;
     }
@@ -46,7 +46,7 @@ struct Faulty {
       for (int c = 0; c <= kTheta; ++c)
         if (sample.health[c] == Health::failed) bits |= bit(c);
     };
-    static_cast<void>(Loop<K>(robot, robot, settings, run.from, run.seed, extras).move(run, write));
+    static_cast<void>(Loop(robot, robot, settings, run.from, run.seed, extras).move(run, write));
     return bits;
   }
 

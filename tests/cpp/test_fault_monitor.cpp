@@ -14,10 +14,9 @@ namespace {
 constexpr double kPeriod = 1e-3;
 
 /// A robot that moves as its model does, and a monitor over its counts.
-template <Mobility K>
 class Scene {
  public:
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   explicit Scene(const Mechanism& mechanism) : robot(mechanism.robot), home_(robot.home) {
     known.sigma.fill(1e-5);
     work_.resize(static_cast<std::size_t>(estimate_work(robot, 0)));
@@ -33,15 +32,15 @@ class Scene {
     return x;
   }
   Extended read(int k) const {
-    Extended q_e = readings_at<K>(robot, at(k));
+    Extended q_e = readings_at(robot, at(k));
     for (int c = 0; c < n + robot.r; ++c) q_e[c] = quantized(q_e[c], 3e-5);
     return q_e;
   }
   Outcome cycle(int k, const Extended& q_e) {
     const Weighing weighing{&known, work_.data()};
-    Joint desired = motors_of<K>(read(std::min(k, held)));
+    Joint desired = motors_of(read(std::min(k, held)));
     for (int i = 0; i < n; ++i) desired[i] += lag;
-    return monitor_faults<K>(robot, settings, weighing, desired, q_e, seen, believed);
+    return monitor_faults(robot, settings, weighing, desired, q_e, seen, believed);
   }
   /// Cycle k, healthy but for reading c, which is wrong by this.
   Outcome cycle(int k, int c, double wrong) {
@@ -116,18 +115,18 @@ TEST_EACH(for_each,
   const Robot& robot = mechanism.robot;
   check::Random random(2);
   for (int pose = 0; pose < 20; ++pose) {
-    const Pose at = to_pose<K>(random_pose(mechanism, random));
+    const Pose at = to_pose(K, random_pose(mechanism, random));
     Extended q_e{};
-    Parity<K> parity;
-    if (!extended<K>(robot, at, q_e) ||
-        !parity.locate(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
+    Parity parity;
+    if (!extended(robot, at, q_e) ||
+        !parity.locate(robot, nearby(K, at, random, 1e-3), q_e, Extended{}))
       continue;
     for (int k = 0; k < robot.r; ++k) CHECK_NEAR(parity.value[k], 0, 1e-6);  // of 1 mm the square
     for (int c = 0; c < n + robot.r; ++c) {
       const double step = 1e-6;
       Extended wrong = q_e;
       wrong[c] += step;
-      Parity<K> moved;
+      Parity moved;
       if (!moved.locate(robot, at, wrong, Extended{})) continue;
       const Reading g = parity.signature(robot.r, c);
       for (int k = 0; k < robot.r; ++k)
@@ -137,7 +136,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "readings of a healthy robot stay valid, and are believed as they are") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   for (int k = 0; k < 1000; ++k) {
     const Extended q_e = scene.read(k);
     CHECK(scene.cycle(k, q_e).status == Status::ok);
@@ -149,7 +148,7 @@ TEST_EACH(for_each, "a jump, a dropout and a spike are found in their cycle, in 
   const int rows = n + mechanism.robot.r;
   for (int c = 0; c < rows; ++c)
     for (const double wrong : {0.5, static_cast<double>(NAN)}) {
-      Scene<K> scene(mechanism);
+      Scene scene(mechanism);
       CHECK(scene.healthy(100));
       for (int k = 100; k < 130; ++k) {
         const Outcome outcome = scene.cycle(k, c, wrong);
@@ -163,7 +162,7 @@ TEST_EACH(for_each, "a jump, a dropout and a spike are found in their cycle, in 
 }
 
 TEST_EACH(for_each, "a motor that drops out is extrapolated with its following error") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   scene.lag = 2e-3;
   CHECK(scene.healthy(1000));
   CHECK(scene.cycle(1000, 0, NAN).chain == 0);
@@ -184,16 +183,16 @@ TEST_EACH(
       };
       for (; k < 500; ++k) tracker.correct(kPeriod, kOwnPole, way());
       for (int left = missing; left > 0; --left, ++k) tracker.correct(kPeriod, kOwnPole, 0);
-      Scene<K> scene(mechanism);
+      Scene scene(mechanism);
       scene.settings.fastest = {fastest};  // of the first motor alone
       Extended q_e = scene.read(0);
       for (int i = 0; i < 100; ++i) CHECK(scene.cycle(0, q_e));
       q_e[0] = NAN;
       for (int i = 0; i < missing; ++i) CHECK(scene.cycle(0, q_e).chain == 0);
       q_e[0] = scene.read(0)[0] + share * way();
-      Pose pose = to_pose<K>(scene.at(0));
-      CHECK(fkm<K>(scene.robot, motors_of<K>(q_e), pose).status == Status::ok);
-      CHECK(extended<K>(scene.robot, pose, q_e));
+      Pose pose = to_pose(K, scene.at(0));
+      CHECK(fkm(scene.robot, motors_of(q_e), pose).status == Status::ok);
+      CHECK(extended(scene.robot, pose, q_e));
       CHECK((scene.cycle(0, q_e).status == Status::ok) == (share < 1));
       CHECK((scene.seen.reading[0].symptom == Symptom::too_fast) == (share > 1));
     }
@@ -201,7 +200,7 @@ TEST_EACH(
 
 TEST_EACH(for_each, "a disagreement is undecided once it has lasted as many cycles as set") {
   for (const int decide : {7, 20}) {
-    Scene<K> scene(mechanism);
+    Scene scene(mechanism);
     scene.settings.decide = decide;
     int doubtful = 0;
     for (int k = 0; k < 100 && !scene.seen.undecided; ++k) {
@@ -217,7 +216,7 @@ TEST_EACH(for_each, "a disagreement is undecided once it has lasted as many cycl
 TEST_EACH(
     for_each,
     "a geometry's error leaves as much in a tracker's innovation as the limit of a change has") {
-  const Scene<K> scene(mechanism);
+  const Scene scene(mechanism);
   const double far = scene.settings.correlation;  // of an error sin(way/far), per cycle
   const auto left = [&](const auto& way) {
     Tracker tracker;
@@ -237,7 +236,7 @@ TEST_EACH(
     const Weighing weighing{&scene.known, nullptr};
     const Joint desired{};
     Extended q_e{};
-    return fault_monitor_detail::MonitoredCycle<K>(scene.robot, scene.settings, weighing, desired,
+    return fault_monitor_detail::MonitoredCycle(scene.robot, scene.settings, weighing, desired,
                                                    q_e, watch, q_e, nullptr)
         .bending();
   };
@@ -249,17 +248,17 @@ TEST_EACH(
 TEST_EACH(
     for_each,
     "fast motion over an unknown geometry is no jump, and in slow motion a small jump is found") {
-  Scene<K> fast(mechanism), slow(mechanism);
+  Scene fast(mechanism), slow(mechanism);
   Prior prior(mechanism.robot);
   prior.known().sigma.fill(1e-7);
   Robot truth = mechanism.robot;
   for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
-  const auto cycle = [&](Scene<K>& scene, double rate, int k, double jump) {
+  const auto cycle = [&](Scene& scene, double rate, int k, double jump) {
     Coordinates x = truth.home;
     for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(rate * kPeriod * k * (3 + i));
-    Extended q_e = readings_at<K>(truth, x), desired = readings_at<K>(scene.robot, x);
+    Extended q_e = readings_at(truth, x), desired = readings_at(scene.robot, x);
     q_e[n] += jump;
-    return monitor_faults<K>(scene.robot, scene.settings, prior.weighing(), motors_of<K>(desired),
+    return monitor_faults(scene.robot, scene.settings, prior.weighing(), motors_of(desired),
                              q_e, scene.seen, scene.believed);
   };
   for (int k = 0; k < 1000; ++k) CHECK(cycle(fast, 10, k, 0).status == Status::ok);
@@ -269,7 +268,7 @@ TEST_EACH(
 
 TEST_EACH(for_each,
           "a motor that is lost is taken to be where it is asked to be until it is restored") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   CHECK(scene.healthy(100));
   scene.settings.replaceable = 1e-12;
   for (int k = 100; k < 300; ++k) {
@@ -286,7 +285,7 @@ TEST_EACH(for_each,
 
 TEST_EACH(for_each, "a monitor begins with the first readings that have a pose") {
   for (int c = 0; c < n; ++c) {
-    Scene<K> scene(mechanism);
+    Scene scene(mechanism);
     for (int k = 0; k < 10; ++k) {
       const Outcome outcome = scene.cycle(k, c, NAN);
       CHECK(outcome.status == Status::not_finite && outcome.chain == c);
@@ -299,7 +298,7 @@ TEST_EACH(for_each,
           "what stands for a sensor that is gone, or never said anything, is what the motors say") {
   for (int c = n; c < n + mechanism.robot.r; ++c)
     for (const auto& [nothing, begin] : {std::pair<double, int>{NAN, 100}, {NAN, 0}, {1e308, 0}}) {
-      Scene<K> scene(mechanism);
+      Scene scene(mechanism);
       CHECK(scene.healthy(begin));
       for (int k = begin; k < begin + 200; ++k) {
         CHECK(scene.cycle(k, c, nothing).chain == c);
@@ -313,7 +312,7 @@ TEST_EACH(for_each, "whole turns that an encoder loses are nothing that has move
   for (int c = 0; c < n + mechanism.robot.r; ++c) {
     const double turn = 2 * std::numbers::pi;
     if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
-    Scene<K> scene(mechanism);
+    Scene scene(mechanism);
     CHECK(scene.healthy(100));
     for (int k = 100; k < 200; ++k) {
       CHECK(scene.cycle(k, c, -turn).status == Status::ok);
@@ -323,7 +322,7 @@ TEST_EACH(for_each, "whole turns that an encoder loses are nothing that has move
 }
 
 TEST_EACH(for_each, "spikes of long ago are not held against a reading when another is restored") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   CHECK(scene.healthy(100));
   for (int k = 100; k < 1700; ++k) {
     if (k == 1400) acknowledge(scene.seen, 1);
@@ -334,10 +333,10 @@ TEST_EACH(for_each, "spikes of long ago are not held against a reading when anot
 
 TEST("what the law sees changes in the cycle in which something else stands for a reading") {
   long holds = 0;
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    for (int c = 0; c < kDof<K> + mechanism.robot.r; ++c) {
-      Scene<K> scene(mechanism);
+  for_each([&](const Mechanism& mechanism) {
+    const Mobility K = mechanism.robot.mobility;
+    for (int c = 0; c < dof(K) + mechanism.robot.r; ++c) {
+      Scene scene(mechanism);
       CHECK(scene.healthy(100));
       const double still = scene.read(100)[c];
       int changes = 0;
@@ -358,7 +357,7 @@ TEST("what the law sees changes in the cycle in which something else stands for 
         // Where a motor is one of several that may be wrong, its setpoint stands for it.
         const std::uint32_t doubted = scene.seen.doubted;
         const bool several = doubted & bit(c) && doubted & (doubted - 1);
-        if (c >= kDof<K> || !several || undecided || scene.seen.reading[c].bridged > 0) continue;
+        if (c >= dof(K) || !several || undecided || scene.seen.reading[c].bridged > 0) continue;
         if (scene.believed[c] == q_e[c]) continue;
         CHECK(scene.seen.held & bit(c));
         ++holds;
@@ -370,7 +369,7 @@ TEST("what the law sees changes in the cycle in which something else stands for 
 }
 
 TEST_EACH(for_each, "where a motor has failed as well, a sensor that has does not drift away") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   CHECK(scene.healthy(100));
   for (int k = 100; k < 1100; ++k) {
     const Extended right = scene.read(k);
@@ -385,7 +384,7 @@ TEST_EACH(for_each, "where a motor has failed as well, a sensor that has does no
 TEST_EACH(for_each,
           "a noisy reading is smoothed with a larger sigma, and never excluded for its noise") {
   for (int c = 0; c < n + mechanism.robot.r; ++c) {
-    Scene<K> scene(mechanism);
+    Scene scene(mechanism);
     check::Random random(4);
     CHECK(scene.healthy(200));
     double raw = 0, smooth = 0;
@@ -407,7 +406,7 @@ TEST_EACH(for_each,
 TEST_EACH(for_each, "a loose contact is no noise: it is bridged, and fails at the third time") {
   for (int c = 0; c < n + mechanism.robot.r; ++c)
     for (const int lasts : {1, 2, 3}) {
-      Scene<K> scene(mechanism);
+      Scene scene(mechanism);
       CHECK(scene.healthy(200));
       for (int k = 200; k < 310; ++k) {
         static_cast<void>(scene.cycle(k, c, k % 50 < lasts ? 0.3 : 0));
@@ -420,7 +419,7 @@ TEST_EACH(for_each, "a loose contact is no noise: it is bridged, and fails at th
 TEST_EACH(for_each,
           "a held reading stands still after 1.5 of its intervals and 1.5 of its grains") {
   for (int c = 0; c < n; ++c) {
-    Scene<K> scene(mechanism);
+    Scene scene(mechanism);
     scene.robot.r = 0;  // no parity isolates it before
     scene.settings.moved.fill(2e-4);
     const MonitoredReading& reading = scene.seen.reading[c];
@@ -444,10 +443,10 @@ TEST_EACH(for_each,
 
 TEST("a sensor at which a law holds the platform is not stuck, whatever the motors' encoders say") {
   int stuck = 0;
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr int n = kDof<mobility()>;
+  for_each([&](const Mechanism& mechanism) {
+    const int n = dof(K);
     for (const bool held : {true, false}) {
-      Scene<mobility()> scene(mechanism);
+      Scene scene(mechanism);
       scene.settings.chi2.fill(1e12);  // a geometry so unknown that nothing disagrees
       CHECK(scene.healthy(300));
       if (held) scene.held = 300;
@@ -471,7 +470,7 @@ TEST_EACH(
     "a reading that is held, or changes more rarely as the robot slows down, is no frozen one") {
   for (int c = 0; c < n; ++c)
     for (const bool coarse : {false, true}) {
-      Scene<K> scene(mechanism);
+      Scene scene(mechanism);
       scene.settings.moved.fill(2e-4);
       CHECK(scene.healthy(200));
       const double count = 6 * std::fabs(scene.read(201)[c] - scene.read(200)[c]);

@@ -13,26 +13,25 @@ namespace {
 constexpr double kPeriod = 1e-3;
 
 /// A robot at rest, its readings off by what no calibration has told, under a fault-tolerant law.
-template <Mobility K>
 struct FaultTolerantRobot {
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   explicit FaultTolerantRobot(const Mechanism& mechanism) : robot(mechanism.robot), prior(robot) {
     known = !!place_poles(robot, robot.home, 100, 1, settings);
     fault_settings.monitor.fastest.fill(500);
     prepare(fault_settings.monitor);
     Robot truth = robot;
     for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (i + 1);
-    known = known && extended<K>(truth, to_pose<K>(robot.home), readings);
+    known = known && extended(truth, to_pose(K, robot.home), readings);
     setpoint.x = robot.home;
   }
   Outcome cycle(const Extended& q_e) {
-    return control_fault_tolerant<K>(robot, settings, fault_settings, setpoint, q_e, state,
+    return control_fault_tolerant(robot, settings, fault_settings, setpoint, q_e, state,
                                      prior.weighing(), fault_state);
   }
   /// What the motors hold at home.
   Joint weight() const {
     Joint torque{};
-    CHECK(inverse_dynamics<K>(robot, to_pose<K>(robot.home), {}, {}, torque));
+    CHECK(inverse_dynamics(robot, to_pose(K, robot.home), {}, {}, torque));
     return torque;
   }
 
@@ -91,7 +90,7 @@ TEST_EACH(for_each, "a change of law, or of the geometry, is no step of the torq
   std::vector<double> work(static_cast<std::size_t>(estimate_work(robot, 0)));
   const Weighing weighing{&known, work.data()};
   Extended q_e{};
-  CHECK(extended<K>(truth, to_pose<K>(robot.home), q_e));
+  CHECK(extended(truth, to_pose(K, robot.home), q_e));
   Setpoint setpoint;
   setpoint.x = robot.home;
   ControlState state;
@@ -100,7 +99,7 @@ TEST_EACH(for_each, "a change of law, or of the geometry, is no step of the torq
   for (const Law law : {Law::joint, Law::tej, Law::estimated, Law::joint}) {
     settings.law = law;
     for (int k = 0; k < 300; ++k) {
-      CHECK(control<K>(robot, settings, setpoint, q_e, state, weighing));
+      CHECK(control(robot, settings, setpoint, q_e, state, weighing));
       for (int i = 0; i < n; ++i) {
         // A smooth fade over 0.2 s: 1.5/200 of the difference in a cycle, which the errors bound.
         const double most = 1e-9 + 0.02 * settings.kp[i];
@@ -114,7 +113,7 @@ TEST_EACH(for_each, "a change of law, or of the geometry, is no step of the torq
 
 TEST_EACH(for_each,
           "without an answer the brakes are asked for, and after a reset the next is led in") {
-  FaultTolerantRobot<K> scene(mechanism);
+  FaultTolerantRobot scene(mechanism);
   if (!scene.known) return;
   scene.settings.ki.fill(1);
   scene.setpoint.rate[0] = 0.01;
@@ -152,7 +151,7 @@ TEST_EACH(for_each,
 
 TEST_EACH(for_each,
           "once all brakes are asked for, the torques hold the robot's weight, whatever is read") {
-  FaultTolerantRobot<K> scene(mechanism);
+  FaultTolerantRobot scene(mechanism);
   if (!scene.known) return;
   for (int k = 0; k < 100; ++k) CHECK(scene.cycle(scene.readings));
   const Joint weight = scene.weight();
@@ -171,7 +170,7 @@ TEST_EACH(for_each,
 
 TEST_EACH(for_each, "a lost motor follows its feed-forward into its brake until it is restored") {
   for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
-    FaultTolerantRobot<K> scene(mechanism);
+    FaultTolerantRobot scene(mechanism);
     if (!scene.known) return;
     scene.settings.gains = gains;
     CHECK(place_poles(scene.robot, scene.robot.home, 100, 1, scene.settings));
@@ -217,9 +216,9 @@ TEST_EACH(for_each, "a learner goes back to before the lines of a reading that h
   std::vector<std::vector<double>> past;  // what it knew before each line
   for (int k = 0; k < 40; ++k) {
     Extended q_e{};
-    CHECK(extended<K>(truth, to_pose<K>(random_pose(mechanism, random, 0.5)), q_e));
+    CHECK(extended(truth, to_pose(K, random_pose(mechanism, random, 0.5)), q_e));
     past.push_back(xi());
-    CHECK(calibrate_online<K>(learner, q_e));
+    CHECK(calibrate_online(learner, q_e));
   }
   CHECK(roll_back(learner));
   const std::vector<double> now = xi();
@@ -255,7 +254,7 @@ TEST_EACH(for_each,
       lied = lied || sample.health[0] != Health::valid;
       if (!lied) lines = learner.lines;
     };
-    CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, extras).move(run, write));
+    CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras).move(run, write));
     CHECK(lied && lines > 0);
     CHECK(learner.left_out == 0);  // such a line fits nothing
     CHECK(kind == FaultKind::spike ? learner.lines > lines : learner.lines == lines);

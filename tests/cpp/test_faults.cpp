@@ -82,7 +82,7 @@ TEST_EACH(for_each,
         extras.faults = &faults;
         Joint before{};
         int cycles = 0, held = 0;
-        Loop<K> loop(robot, robot, settings, robot.home, run.seed, extras);
+        Loop loop(robot, robot, settings, robot.home, run.seed, extras);
         const Outcome outcome = loop.move(run, [&](const Sample& sample) {
           const bool answered = sample.status <= Status::ok;
           CHECK(all_finite(sample.torque, n));

@@ -7,18 +7,16 @@ using namespace mechanisms;
 
 namespace {
 
-template <Mobility K>
 Vec3 home_side(const Robot& robot) {
-  return to_pose<K>(robot.home).D;
+  return to_pose(K, robot.home).D;
 }
 
 /// Checks that D comes back, at one pose, from the motors and the orientation.
-template <Mobility K>
 void check_closed(const Robot& robot, const Pose& pose) {
-  Closure<K> closure;
-  CHECK(ikm<K>(robot, pose, closure));
+  Closure closure;
+  CHECK(ikm(robot, pose, closure));
   Vec3 D;
-  CHECK(fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D));
+  CHECK(fkm_closed(robot, closure.q(), pose.R, home_side(robot), D));
   CHECK_NEAR((D - pose.D).norm(), 0, 1e-12);
 }
 
@@ -33,14 +31,14 @@ TEST_EACH(for_each, "FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") 
   long lost = 0;
   int iterations = 0;
   for (long k = 0; k < poses; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    Closure<K> closure;
-    if (!ikm<K>(robot, pose, closure)) ++lost;
-    for (const Pose& guess : {nearby<K>(pose, random, 1e-3), to_pose<K>(robot.home)}) {
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    Closure closure;
+    if (!ikm(robot, pose, closure)) ++lost;
+    for (const Pose& guess : {nearby(K, pose, random, 1e-3), to_pose(K, robot.home)}) {
       Pose found = guess;
-      const FkmResult result = fkm<K>(robot, closure.q(), found);
+      const FkmResult result = fkm(robot, closure.q(), found);
       if (!result) ++lost;
-      worst = std::max(worst, distance<K>(found, pose));
+      worst = std::max(worst, distance(K, found, pose));
       iterations = std::max(iterations, result.iterations);
     }
   }
@@ -76,28 +74,28 @@ TEST_EACH(
 
 TEST_EACH(for_each,
           "from home the FKM finds the pose of the robot's own mode, however far it has turned") {
-  if constexpr (K == Mobility::spatial) {
+  if (K == Mobility::spatial) {
     const Robot& robot = mechanism.robot;
     check::Random random(16);
     long reached = 0, again = 0, lost = 0;
     for (long k = 0; k < check::sample_size(4000); ++k) {
-      Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Pose pose = to_pose(K, random_pose(mechanism, random));
       const Vec3 axis = Vec3(random(), random(), random()).normalized();
-      pose.R = exp_so3(degrees(60) * axis) * to_pose<K>(robot.home).R;
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      if (!ikm<K>(robot, pose, closure) || !jacobian<K>(closure, jacobians) ||
+      pose.R = exp_so3(degrees(60) * axis) * to_pose(K, robot.home).R;
+      Closure closure;
+      Jacobians jacobians;
+      if (!ikm(robot, pose, closure) || !jacobian(closure, jacobians) ||
           jacobians.sign() != robot.assembly_sign)
         continue;
       ++reached;
-      Pose alone = to_pose<K>(robot.home), found = alone;
-      again += !search<K>(robot, closure.q(), alone);
-      if (!fkm<K>(robot, closure.q(), found)) {
+      Pose alone = to_pose(K, robot.home), found = alone;
+      again += !search(robot, closure.q(), alone);
+      if (!fkm(robot, closure.q(), found)) {
         ++lost;
         continue;
       }
-      Closure<K> closed;  // on the same motors
-      CHECK(ikm<K>(robot, found, closed));
+      Closure closed;  // on the same motors
+      CHECK(ikm(robot, found, closed));
       for (int i = 0; i < 6; ++i)
         CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * std::numbers::pi), 0,
                    1e-9);
@@ -112,15 +110,15 @@ TEST_EACH(for_each, "the residual the FKM reports is the largest gap that is lef
   const Robot& robot = mechanism.robot;
   check::Random random(12);
   for (int k = 0; k < 200; ++k) {
-    Closure<K> closure;
-    CHECK(ikm<K>(robot, to_pose<K>(random_pose(mechanism, random)), closure));
-    Pose pose = to_pose<K>(robot.home);
-    const FkmResult result = fkm<K>(robot, closure.q(), pose);
+    Closure closure;
+    CHECK(ikm(robot, to_pose(K, random_pose(mechanism, random)), closure));
+    Pose pose = to_pose(K, robot.home);
+    const FkmResult result = fkm(robot, closure.q(), pose);
     double gap = 0;
     for (int i = 0; i < n; ++i) {
       const Driven driven = driven_point(robot.chain[i], closure.chain[i].q);
-      const Vec3 A = pose.D + pose.R * robot.chain[i].pivot() + robot.chain[i].anchor();
-      gap = std::max(gap, std::fabs((robot.chain[i].base() + driven.p - A).norm() - driven.rod));
+      const Vec3 A = pose.D + pose.R * robot.chain[i].pivot + robot.chain[i].anchor;
+      gap = std::max(gap, std::fabs((robot.chain[i].base + driven.p - A).norm() - driven.rod));
     }
     CHECK_NEAR(gap, result.residual, 1e-15);
     CHECK_NEAR(gap, 0, 3e-15);
@@ -129,20 +127,20 @@ TEST_EACH(for_each, "the residual the FKM reports is the largest gap that is lef
 
 TEST_EACH(for_each,
           "with the orientation known, position follows in closed form, equal to Newton's") {
-  if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
+  if (K == Mobility::schoenflies || K == Mobility::translation) {
     const Robot& robot = mechanism.robot;
     check::Random random(13);
     double worst = 0;
     long lost = 0;
     const long poses = check::sample_size(20000);
     for (long k = 0; k < poses; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure;
-      if (!ikm<K>(robot, pose, closure)) ++lost;
-      Pose newton = nearby<K>(pose, random, 1e-3);
-      if (!fkm<K>(robot, closure.q(), newton)) ++lost;
+      const Pose pose = to_pose(K, random_pose(mechanism, random));
+      Closure closure;
+      if (!ikm(robot, pose, closure)) ++lost;
+      Pose newton = nearby(K, pose, random, 1e-3);
+      if (!fkm(robot, closure.q(), newton)) ++lost;
       Vec3 D = Vec3::Zero();
-      if (!fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D)) ++lost;
+      if (!fkm_closed(robot, closure.q(), pose.R, home_side(robot), D)) ++lost;
       worst = std::max({worst, (D - pose.D).norm(), (D - newton.D).norm()});
     }
     CHECK(lost == 0);
@@ -159,15 +157,15 @@ TEST("centres of the spheres in one plane, and almost in one, are no special cas
   Robot robot = flat.robot;
   for (int i = 0; i < 4; ++i) {
     robot.chain[i].zero = polar(1, 45 + 90 * i);
-    robot.chain[i].axis = Vec3::UnitZ().cross(robot.chain[i].zero());
-    robot.chain[i].base = 0.275 * robot.chain[i].zero();
+    robot.chain[i].axis = Vec3::UnitZ().cross(robot.chain[i].zero);
+    robot.chain[i].base = 0.275 * robot.chain[i].zero;
     robot.chain[i].arm = 0.375;
     robot.chain[i].rod = 0.8;
-    robot.chain[i].pivot().z() = 0;
+    robot.chain[i].pivot.z() = 0;
   }
   for (const double tilt : {0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3})
     for (int k = 0; k < 50; ++k)
-      check_closed<K>(robot, to_pose<K>({tilt * random(), tilt * random(), -0.65 + 0.05 * random(),
+      check_closed(robot, to_pose(K, {tilt * random(), tilt * random(), -0.65 + 0.05 * random(),
                                          tilt * random()}));
 }
 
@@ -178,12 +176,12 @@ TEST_EACH(for_each, "both working modes of every arm are forward models of their
   for (int modes = 0; modes < 1 << n; ++modes) {
     for (int i = 0; i < n; ++i) robot.chain[i].working_mode = modes >> i & 1 ? 1 : -1;
     if (!finish(robot)) continue;
-    const Pose pose = to_pose<K>(robot.home);
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    CHECK(ikm<K>(robot, pose, closure));
+    const Pose pose = to_pose(K, robot.home);
+    Closure closure;
+    Jacobians jacobians;
+    CHECK(ikm(robot, pose, closure));
     double largest = 0;  // of J: how far 1e-5 m is from a singularity of this mode
-    CHECK(jacobian<K>(closure, jacobians));
+    CHECK(jacobian(closure, jacobians));
     for (const auto& row : jacobians.J)
       for (const double entry : row) largest = std::max(largest, std::fabs(entry));
     if (largest > 30) continue;
@@ -191,9 +189,9 @@ TEST_EACH(for_each, "both working modes of every arm are forward models of their
     for (int i = 0; i < n; ++i)
       CHECK(robot.chain[i].actuator == Actuator::telescopic ||
             closure.chain[i].jq * robot.chain[i].working_mode > 0);
-    Pose found = nearby<K>(pose, random, 1e-5);
-    CHECK(fkm<K>(robot, closure.q(), found));
-    CHECK_NEAR(distance<K>(found, pose), 0, 1e-12);
+    Pose found = nearby(K, pose, random, 1e-5);
+    CHECK(fkm(robot, closure.q(), found));
+    CHECK_NEAR(distance(K, found, pose), 0, 1e-12);
   }
   CHECK(tried >= 2);
 }

@@ -7,17 +7,16 @@ using namespace mechanisms;
 namespace {
 
 /// Largest gap of a rod, from the points themselves: what full.hpp's algebra must come to.
-template <Mobility K>
 double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
   double gap = 0;
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(K); ++i) {
     const Chain& chain = robot.chain[i];
     const Mat3 R = chain.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(pose.psi[chain.bar]));
     for (const double side : {1.0, -1.0}) {
       const double half = 0.5 * side * chain.rod_spacing;
-      const Vec3 B = chain.base() + driven_point(chain, q[i]).p + half * pair_direction(chain);
+      const Vec3 B = chain.base + driven_point(chain, q[i]).p + half * pair_direction(chain);
       const Vec3 A =
-          pose.D + pose.R * chain.pivot() + R * (chain.anchor() + half * chain.pair_drawn());
+          pose.D + pose.R * chain.pivot + R * (chain.anchor + half * chain.pair_drawn);
       const double length = chain.rod + 0.5 * side * chain.rod_difference;
       gap = std::max(gap, std::fabs((B - A).norm() - length));
     }
@@ -38,18 +37,18 @@ TEST_EACH(for_each_full,
     Robot robot = with_axis_errors(mechanism.robot, random);
     for (int i = 0; i < n; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
     if (!finish_full(robot) || robot.full.kind != FullKind::exists) ++lost;
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    FullClosure<K> closure, back;
-    const FullResult there = ikm_full<K>(robot, pose, closure);
-    gap = std::max(gap, largest_gap<K>(robot, closure.pose, closure.q));
-    FullPose near = to_full(nearby<K>(pose, random, 1e-3)), far = to_full(to_pose<K>(robot.home));
-    const FullResult once = fkm_full<K>(robot, closure.q, near, back);
-    const FullResult again = fkm_full<K>(robot, closure.q, far, back);
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    FullClosure closure, back;
+    const FullResult there = ikm_full(robot, pose, closure);
+    gap = std::max(gap, largest_gap(robot, closure.pose, closure.q));
+    FullPose near = to_full(nearby(K, pose, random, 1e-3)), far = to_full(to_pose(K, robot.home));
+    const FullResult once = fkm_full(robot, closure.q, near, back);
+    const FullResult again = fkm_full(robot, closure.q, far, back);
     if (!there || !once || !again) ++lost;
     for (const FullPose& found : {near, far}) {
-      gap = std::max(gap, largest_gap<K>(robot, found, closure.q));
+      gap = std::max(gap, largest_gap(robot, found, closure.q));
       worst = std::max(
-          {worst, distance<K>(found, pose), distance<Mobility::spatial>(found, closure.pose)});
+          {worst, distance(K, found, pose), distance<Mobility::spatial>(found, closure.pose)});
       for (int k = 0; k < robot.full.bars; ++k)
         worst = std::max(worst, std::fabs(found.psi[k] - closure.pose.psi[k]));
     }
@@ -74,14 +73,13 @@ TEST("a tilt that keeps θ has the two turns asked for, and leaves θ where it w
 }
 
 /// Energy of the rods' stretches f/L, for stiffness 1.
-template <Mobility K>
 double energy(const Robot& robot, const FullPose& pose, const Joint& q) {
-  FullClosure<K> at;
+  FullClosure at;
   at.pose = pose;
-  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = driven_point(robot.chain[i], q[i]);
-  complete_closure<K>(robot, at);
+  for (int i = 0; i < dof(K); ++i) at.driven[i] = driven_point(robot.chain[i], q[i]);
+  complete_closure(robot, at);
   double sum = 0;
-  for (int rod = 0; rod < kRods<K>; ++rod)
+  for (int rod = 0; rod < kMaxRods; ++rod)
     sum += 0.5 * std::pow(at.f[rod] / at.driven[rod / 2].rod, 2);
   return sum;
 }
@@ -95,16 +93,16 @@ TEST(
   const long robots = check::sample_size(500);
   for (long k = 0; k < robots; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
-    for (int i = 0; i < kDof<K>; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
+    for (int i = 0; i < dof(K); ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
     CHECK(finish_full(robot) && robot.full.kind == FullKind::elastic);
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    FullClosure<K> there, back;
-    CHECK(ikm_full<K>(robot, pose, there));
-    FullPose found = to_full(nearby<K>(pose, random, 1e-3));
-    CHECK(fkm_full<K>(robot, there.q, found, back));
-    apart = std::max(apart, distance<K>(found, pose));
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    FullClosure there, back;
+    CHECK(ikm_full(robot, pose, there));
+    FullPose found = to_full(nearby(K, pose, random, 1e-3));
+    CHECK(fkm_full(robot, there.q, found, back));
+    apart = std::max(apart, distance(K, found, pose));
     CHECK_NEAR(found.psi[0], found.psi[1], 0);
-    const double rest = energy<K>(robot, found, there.q), h = 1e-5;
+    const double rest = energy(robot, found, there.q), h = 1e-5;
     held = std::min(held, rest);
     for (int freedom = 0; freedom < 7; ++freedom) {
       double side[2];
@@ -115,7 +113,7 @@ TEST(
         if (freedom >= 3 && freedom < 6)
           moved.R = exp_so3(step * Vec3(Vec3::Unit(freedom - 3))) * moved.R;
         if (freedom == 6) moved.psi[0] += step, moved.psi[1] += step;
-        side[s] = energy<K>(robot, moved, there.q);
+        side[s] = energy(robot, moved, there.q);
       }
       slope = std::max(slope, std::fabs(side[1] - side[0]) / (2 * h));
     }
@@ -132,13 +130,13 @@ TEST_EACH(for_each_full, "a solution that starts at its neighbour's is the same,
   for (int k = 0; k < 200; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
     CHECK(finish_full(robot));
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    const Pose next = nearby<K>(pose, random, 1e-3);
-    FullClosure<K> first, from_ideal, from_near;
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose next = nearby(K, pose, random, 1e-3);
+    FullClosure first, from_ideal, from_near;
     Parasitic rest;
-    CHECK(ikm_full<K>(robot, pose, first, &rest) && rest.known);
-    const FullResult one = ikm_full<K>(robot, next, from_ideal);
-    const FullResult other = ikm_full<K>(robot, next, from_near, &rest);
+    CHECK(ikm_full(robot, pose, first, &rest) && rest.known);
+    const FullResult one = ikm_full(robot, next, from_ideal);
+    const FullResult other = ikm_full(robot, next, from_near, &rest);
     CHECK(one && other);
     cold += one.iterations;
     warm += other.iterations;

@@ -23,7 +23,7 @@ TEST_EACH(
   for (int k = 0; k < 30; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
     robot.r = 2;
-    if constexpr (K == kH4) {  // both kinds of angle sensor, and the telemeter
+    if (K == kH4) {  // both kinds of angle sensor, and the telemeter
       robot.r = 3;
       robot.sensor[2] = robot.sensor[1];
       robot.sensor[1] = robot.sensor[0];
@@ -31,36 +31,36 @@ TEST_EACH(
       robot.sensor[1].gain = 1.1;
     }
     const Joint x = random_pose(mechanism, random);
-    FullClosure<K> closure;
-    FullJacobians<K> jacobians;
+    FullClosure closure;
+    FullJacobians jacobians;
     JointMatrix J;
     Reading r;
     std::array<FullRow, kMaxSensors> rows;
-    CHECK(ikm_full<K>(robot, to_pose<K>(x), closure));
-    CHECK(jacobian_full<K>(robot, closure, jacobians) && jacobian_full(robot, x, J));
-    CHECK(rkm_full<K>(robot, closure, r, rows));
+    CHECK(ikm_full(robot, to_pose(K, x), closure));
+    CHECK(jacobian_full(robot, closure, jacobians) && jacobian_full(robot, x, J));
+    CHECK(rkm_full(robot, closure, r, rows));
     const auto moved_to = [&](int motor, double h) {
       Joint q = closure.q;
       q[motor] += h;
       FullPose pose = closure.pose;
-      FullClosure<K> there;
-      CHECK(fkm_full<K>(robot, q, pose, there));
+      FullClosure there;
+      CHECK(fkm_full(robot, q, pose, there));
       return there;
     };
     for (int m = 0; m < n; ++m) {
       for (int i = 0; i < n; ++i) {
         CHECK(J[i][m] == jacobians.J[i][m]);
         const double slope = derivative(
-            [&](double h) { return difference<K>(moved_to(m, h).pose, closure.pose)[i]; });
+            [&](double h) { return difference(K, moved_to(m, h).pose, closure.pose)[i]; });
         CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
       }
       for (int s = 0; s < robot.r; ++s) {
         double chained = 0;
-        for (int i = 0; i < kRods<K>; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
+        for (int i = 0; i < kMaxRods; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
         const double slope = derivative([&](double h) {
           Reading there;
           std::array<FullRow, kMaxSensors> unused;
-          CHECK(rkm_full<K>(robot, moved_to(m, h), there, unused));
+          CHECK(rkm_full(robot, moved_to(m, h), there, unused));
           return there[s];
         });
         CHECK_NEAR(chained, slope, 1e-7 * (1 + std::fabs(slope)));
@@ -123,8 +123,8 @@ TEST("a robot without a full level says so, whatever it is asked") {
 }
 
 TEST("the full level is as honest as the ideal one about what it cannot answer") {
-  for_each_full([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_full([](const Mechanism& mechanism) {
+    const Mobility K = mechanism.robot.mobility;
     const Robot& robot = mechanism.robot;
     Joint q{}, x = robot.home;
     x[1] += 5;
@@ -146,7 +146,7 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     const Outcome none = ikm_full(short_rod, x, q);
     CHECK(none.status == Status::unreachable && none.chain == 1);
     Robot apart = robot;
-    apart.chain[1].base().x() = -3;
+    apart.chain[1].base.x() = -3;
     CHECK(ikm(robot, robot.home, q));
     x = robot.home;
     CHECK(fkm_full(apart, q, x).status == Status::not_converged);
@@ -155,7 +155,7 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     mirrored.full.sign = -robot.full.sign;
     x = robot.home;
     CHECK(fkm_full(mirrored, q, x).status == Status::branch_lost);
-    for (int i = 0; i < kDof<K>; ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
+    for (int i = 0; i < dof(K); ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
     mirrored.full.sign = robot.full.sign;
     x = robot.home;
     CHECK(fkm_full(mirrored, q, x).status == Status::branch_lost);

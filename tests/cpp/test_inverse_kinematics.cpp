@@ -8,21 +8,21 @@ using namespace mechanisms;
 TEST_EACH(for_each, "every loop closes to rounding") {
   check::Random random(1);
   for (int k = 0; k < 1000; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    Closure<K> closure;
-    const Outcome closed = ikm<K>(mechanism.robot, pose, closure);
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    Closure closure;
+    const Outcome closed = ikm(mechanism.robot, pose, closure);
     CHECK(closed && closed.chain == -1);
     for (int i = 0; i < n; ++i) {
       const Chain& chain = mechanism.robot.chain[i];
       // From the encoder's reading alone, by the formulas of docs/model.md.
       const double position = closure.chain[i].q + chain.encoder_offset;
-      const Vec3 A = pose.D + pose.R * chain.pivot() + chain.anchor();
-      Vec3 B = chain.base();
+      const Vec3 A = pose.D + pose.R * chain.pivot + chain.anchor;
+      Vec3 B = chain.base;
       double rod = chain.rod;
       if (chain.actuator == Actuator::revolute)
-        B += chain.arm * Eigen::AngleAxisd(position, chain.axis())._transformVector(chain.zero());
+        B += chain.arm * Eigen::AngleAxisd(position, chain.axis)._transformVector(chain.zero);
       else if (chain.actuator == Actuator::prismatic)
-        B += position * chain.axis();
+        B += position * chain.axis;
       else
         rod = position;
       CHECK_NEAR((B - A).norm(), rod, 3e-15);
@@ -34,8 +34,8 @@ TEST_EACH(for_each, "every loop closes to rounding") {
 TEST("a rod is too short for the nearest point that its motor reaches, too long for the farthest") {
   check::Random random(4);
   long apart[3] = {};
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    for (int i = 0; i < kDof<mobility()>; ++i) {
+  for_each([&](const Mechanism& mechanism) {
+    for (int i = 0; i < dof(K); ++i) {
       const Chain& chain = mechanism.robot.chain[i];
       for (int sample = 0; sample < 40; ++sample) {
         const Vec3 d = 0.4 * Vec3(random(), random(), random()) * (1 + sample % 4);
@@ -62,18 +62,18 @@ TEST_EACH(for_each, "a telemeter's point is on its line and on the nacelle's pla
   robot.r = 2;
   check::Random random(3);
   for (int k = 0; k < 200; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
     Extended q_e;
-    CHECK(extended<K>(robot, pose, q_e));
+    CHECK(extended(robot, pose, q_e));
     for (int s = 0; s < 2; ++s) {
       const Sensor& sensor = robot.sensor[s];
       if (sensor.kind == SensorKind::platform_angle) {
         CHECK_NEAR(q_e[n + s], pose.theta, 0);
         continue;
       }
-      const Vec3 point = sensor.origin() + q_e[n + s] * sensor.direction();
+      const Vec3 point = sensor.origin + q_e[n + s] * sensor.direction;
       const Vec3 in_nacelle = pose.R.transpose() * (point - pose.D);
-      CHECK_NEAR(sensor.normal().dot(in_nacelle - sensor.target()), 0, 2e-15);
+      CHECK_NEAR(sensor.normal.dot(in_nacelle - sensor.target), 0, 2e-15);
     }
   }
 }
@@ -101,13 +101,13 @@ TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones
   check::Random random(5);
   for (const double size : {0.0, 1e-12, 1e-6, 0.009, 0.011, 0.3, 1.5})
     for (int k = 0; k < 100; ++k) {
-      const Pose start = to_pose<K>(random_pose(mechanism, random));
+      const Pose start = to_pose(K, random_pose(mechanism, random));
       const Joint step = random_joint(random, size);
-      const Pose end = moved<K>(start, step);
-      const Joint back = difference<K>(end, start);
+      const Pose end = moved(K, start, step);
+      const Joint back = difference(K, end, start);
       for (int i = 0; i < n; ++i) CHECK_NEAR(back[i], step[i], 1e-14);
       CHECK_NEAR((end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
-      CHECK_NEAR(distance<K>(to_pose<K>(to_coordinates<K>(end)), end), 0, 3e-15);
+      CHECK_NEAR(distance(K, to_pose(K, to_coordinates(K, end)), end), 0, 3e-15);
     }
 }
 
@@ -118,7 +118,7 @@ TEST_EACH(
   const Joint from = random_pose(mechanism, random), to = random_pose(mechanism, random);
   const double T = 0.2, h = 1e-5;
   for (const double time : {-1.0, 0.0, T, 5.0}) {
-    const Setpoint point = quintic<K>(from, to, T, time);
+    const Setpoint point = quintic(from, to, T, time);
     const Joint& expected = time > 0 ? to : from;
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(point.x[i], expected[i], 1e-15);
@@ -127,9 +127,9 @@ TEST_EACH(
     }
   }
   for (double time = 0.01; time < T; time += 0.01) {
-    const Setpoint before = quintic<K>(from, to, T, time - h), at = quintic<K>(from, to, T, time),
-                   after = quintic<K>(from, to, T, time + h);
-    const Joint step = difference<K>(to_pose<K>(after.x), to_pose<K>(before.x));
+    const Setpoint before = quintic(from, to, T, time - h), at = quintic(from, to, T, time),
+                   after = quintic(from, to, T, time + h);
+    const Joint step = difference(K, to_pose(K, after.x), to_pose(K, before.x));
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(step[i] / (2 * h), at.rate[i], 1e-7);
       CHECK_NEAR((after.rate[i] - before.rate[i]) / (2 * h), at.acceleration[i], 1e-5);

@@ -27,16 +27,16 @@ TEST_EACH(for_each,
           "the rows of J_x and the entries of J_q are derivatives of the closure (|v|² - L²)/2") {
   check::Random random(32);
   for (int k = 0; k < 50; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    CHECK(ikm<K>(mechanism.robot, pose, closure));
-    CHECK(jacobian<K>(closure, jacobians));
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    Closure closure;
+    Jacobians jacobians;
+    CHECK(ikm(mechanism.robot, pose, closure));
+    CHECK(jacobian(closure, jacobians));
     for (int i = 0; i < n; ++i) {
       const Chain& chain = mechanism.robot.chain[i];
       const auto closed = [&](const Pose& at, double q) {
         const Driven driven = driven_point(chain, q);
-        const Vec3 v = chain.base() + driven.p - at.D - at.R * chain.pivot() - chain.anchor();
+        const Vec3 v = chain.base + driven.p - at.D - at.R * chain.pivot - chain.anchor;
         return 0.5 * (v.squaredNorm() - driven.rod * driven.rod);
       };
       const double q = closure.chain[i].q;
@@ -45,7 +45,7 @@ TEST_EACH(for_each,
                  1e-14);
       for (int j = 0; j < n; ++j)  // the closure falls along v when A moves towards B
         CHECK_NEAR(jacobians.jx[i][j],
-                   -derivative([&](double h) { return closed(moved<K>(pose, unit(j, h)), q); }),
+                   -derivative([&](double h) { return closed(moved(K, pose, unit(j, h)), q); }),
                    1e-10);
     }
   }
@@ -54,17 +54,17 @@ TEST_EACH(for_each,
 TEST_EACH(for_every, "J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
   check::Random random(33);
   for (int k = 0; k < 50; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random, kReach<K>));
-    Closure<K> closure;
-    Jacobians<K> jacobians;
-    CHECK(ikm<K>(mechanism.robot, pose, closure));
-    CHECK(jacobian<K>(closure, jacobians));
+    const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
+    Closure closure;
+    Jacobians jacobians;
+    CHECK(ikm(mechanism.robot, pose, closure));
+    CHECK(jacobian(closure, jacobians));
     for (int j = 0; j < n; ++j) {
       const Joint rate = jacobians.joint_rate(unit(j, 1));
       for (int i = 0; i < n; ++i) {
         const double slope = derivative([&](double h) {
-          Closure<K> there;
-          CHECK(ikm<K>(mechanism.robot, moved<K>(pose, unit(j, h)), there));
+          Closure there;
+          CHECK(ikm(mechanism.robot, moved(K, pose, unit(j, h)), there));
           return there.chain[i].q;
         });
         CHECK_NEAR(rate[i], slope, 1e-8 * (1 + std::fabs(slope)));
@@ -79,7 +79,7 @@ TEST_EACH(for_every, "J⁻¹ is the derivative of the inverse model, and joint_r
 TEST("the paper's J_q(2,2) has the sign of u_2 = -u_y, not of u_y as printed") {
   Closure<Mobility::schoenflies> closure;
   const Robot robot = h4().robot;
-  CHECK(ikm<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), closure));
+  CHECK(ikm<Mobility::schoenflies>(robot, to_pose(Mobility::schoenflies, robot.home), closure));
   const ChainState& second = closure.chain[1];
   const double paper = second.p.cross(second.v).dot(Vec3::UnitY());  // as printed
   CHECK_NEAR(second.jq, -paper, 1e-15);
@@ -109,7 +109,7 @@ TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is
   };
   const auto compare = [&](auto size) {
     constexpr int n = size();
-    Matrix<n, n> A;
+    Square A;
     int positive = 0;
     for (int k = 0; k < 500; ++k) {
       for (auto& row : A)
@@ -125,15 +125,15 @@ TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is
   compare(std::integral_constant<int, 3>{});
   compare(std::integral_constant<int, 4>{});
   compare(std::integral_constant<int, 6>{});
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each([&](const Mechanism& mechanism) {
+    const Mobility K = mechanism.robot.mobility;
     for (int k = 0; k < 50; ++k) {
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      CHECK(ikm<K>(mechanism.robot, to_pose<K>(random_pose(mechanism, random)), closure));
-      CHECK(jacobian<K>(closure, jacobians));
-      CHECK(jacobians.sign() == determinant_sign<kDof<K>>(jacobians.jx));
-      CHECK(Conditioning<K>(closure).sign() == jacobians.sign());
+      Closure closure;
+      Jacobians jacobians;
+      CHECK(ikm(mechanism.robot, to_pose(K, random_pose(mechanism, random)), closure));
+      CHECK(jacobian(closure, jacobians));
+      CHECK(jacobians.sign() == determinant_sign<dof(K)>(jacobians.jx));
+      CHECK(Conditioning(closure).sign() == jacobians.sign());
     }
   });
 }

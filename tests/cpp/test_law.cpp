@@ -12,16 +12,16 @@ TEST_EACH(for_each, "for readings that agree, every law sees the joint error to 
     const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
     for (const Law law : kLaws) {
       Prior prior(robot);
-      Reference<K> reference;
-      CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
+      Reference reference;
+      CHECK(refer(robot, law, x, reference, 0, prior.weighing()));
       const auto departure = [&](double size) {
         Joint step{}, joint{}, error{};
         Pose estimate;
         for (int i = 0; i < n; ++i) step[i] = size * direction[i];
         Extended q_e{};
-        CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
-        CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint, estimate));
-        CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate, prior.weighing()));
+        CHECK(extended(robot, moved(K, reference.closure.pose, step), q_e));
+        CHECK(motor_error(robot, Law::joint, reference, q_e, joint, estimate));
+        CHECK(motor_error(robot, law, reference, q_e, error, estimate, prior.weighing()));
         double largest = 0;
         for (int i = 0; i < n; ++i) {
           CHECK(std::fabs(joint[i]) < 30 * size);
@@ -45,9 +45,9 @@ TEST_EACH(
   Knowledge known;
   known.sigma.fill(0.3);
   std::vector<double> work(estimate_work(robot, 0));
-  Reference<K> paper, weighted;
-  CHECK(refer<K>(robot, Law::tej, x, paper));
-  CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
+  Reference paper, weighted;
+  CHECK(refer(robot, Law::tej, x, paper));
+  CHECK(refer(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < n + robot.r; ++c) CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
 }
@@ -60,16 +60,16 @@ TEST_EACH(for_each,
   check::Random random(78);
   for (int trial = 0; trial < 20; ++trial) {
     const Joint x = random_pose(mechanism, random);
-    Reference<K> paper, reference;
-    CHECK(refer<K>(robot, Law::tej, x, paper));
-    CHECK(refer<K>(robot, Law::cartesian, x, reference));
+    Reference paper, reference;
+    CHECK(refer(robot, Law::tej, x, paper));
+    CHECK(refer(robot, Law::cartesian, x, reference));
     for (int c = 0; c < n + robot.r; ++c) {
       constexpr double kOff = 1e-5;
       Extended q_e = reference.q_e;
       q_e[c] -= kOff;
       Joint error{};
       Pose found;
-      CHECK(motor_error<K>(robot, Law::cartesian, reference, q_e, error, found));
+      CHECK(motor_error(robot, Law::cartesian, reference, q_e, error, found));
       for (int i = 0; i < n; ++i) CHECK_NEAR(error[i] / kOff, paper.tej[i][c], 2e-3);
     }
   }
@@ -78,14 +78,14 @@ TEST_EACH(for_each,
 TEST("where theta's sensor is the only one the Cartesian law is the paper's closed form") {
   const Robot robot = h4().robot;
   constexpr Mobility K = Mobility::schoenflies;
-  Reference<K> reference;
-  CHECK(refer<K>(robot, Law::cartesian, robot.home, reference));
+  Reference reference;
+  CHECK(refer(robot, Law::cartesian, robot.home, reference));
   Extended q_e = reference.q_e;
-  for (int c = 0; c <= kDof<K>; ++c) q_e[c] += 0.01 * (c + 1);  // far from agreeing
+  for (int c = 0; c <= dof(K); ++c) q_e[c] += 0.01 * (c + 1);  // far from agreeing
   Joint error{};
   Pose found, closed;
-  CHECK(motor_error<K>(robot, Law::cartesian, reference, q_e, error, found));
-  CHECK(redundant_fkm<K>(robot, q_e, reference.closure.pose.D, closed));
+  CHECK(motor_error(robot, Law::cartesian, reference, q_e, error, found));
+  CHECK(redundant_fkm(robot, q_e, reference.closure.pose.D, closed));
   CHECK(found.theta == closed.theta && Vec3(found.D) == Vec3(closed.D));
   CHECK_NEAR(found.theta, 0.05, 1e-12);
 }

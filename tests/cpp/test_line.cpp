@@ -36,23 +36,22 @@ void check_same(const Says& a, const Says& b) {
 
 /// A robot with both sensors, readings of it that disagree a little, and knowledge of it in which
 /// every reading has a σ of its own. Behind the parameters: unknowns of a registration, if asked.
-template <Mobility K>
 class Scene {
   check::Random random{61};  // first: what follows draws from it
 
  public:
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   Robot robot;
   Pose pose;
   Extended q_e{}, expected{};
   Knowledge known;
-  Matrix<kMaxReadings, n> H_x{};
+  PoseRows H_x{};
   RowMatrix H_xi;
   Parasitic rest;
 
   explicit Scene(const Mechanism& mechanism, bool registration = false)
       : robot(with_both(mechanism)),
-        pose(to_pose<K>(random_pose(mechanism, random))),
+        pose(to_pose(K, random_pose(mechanism, random))),
         H_xi(2 * readings(), parameter_count(robot)),
         prior_(robot) {
     const Knowledge of_robot = prior_.known();
@@ -64,7 +63,7 @@ class Scene {
     for (int k = 1; k < of_robot.count; ++k) root(k, k - 1) = 4e-4 * random();
     known = {p, column.data(), root.data(), {}};
     for (double& sigma : known.sigma) sigma = 1e-5 * (2 + random());
-    CHECK(linearise<K>(robot, pose, expected, H_x, H_xi.data()));
+    CHECK(linearise(robot, pose, expected, H_x, H_xi.data()));
     for (int c = 0; c < readings(); ++c) q_e[c] = expected[c] + 3 * known.sigma[c] * random();
   }
   int readings() const { return n + robot.r; }
@@ -73,7 +72,7 @@ class Scene {
   Line read(const Outside& outside = {}) {
     Line line;
     RowMatrix work(2 * readings(), parameter_count(robot));
-    CHECK(linearise_line(kernels<K, IdealModel>(), robot, known, pose, q_e.data(), outside, nullptr,
+    CHECK(linearise_line(kernels(K), robot, known, pose, q_e.data(), outside, nullptr,
                          work.data(), line, rest));
     return line;
   }
@@ -100,7 +99,7 @@ class Scene {
 }  // namespace
 
 TEST_EACH(for_each, "a reading that was not taken leaves the others' equations as they are") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   const int rows = scene.readings(), p = scene.known.count;
   for (int missing = 0; missing < rows; ++missing) {
     const double taken = scene.q_e[missing];
@@ -122,7 +121,7 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   Line line;
   RowMatrix work(2 * scene.readings(), parameter_count(scene.robot));
   const Outcome outcome =
-      linearise_line(kernels<Mobility::planar_translation, IdealModel>(), scene.robot, scene.known,
+      linearise_line(kernels(Mobility::planar_translation), scene.robot, scene.known,
                      scene.pose, scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
   CHECK(outcome.status == Status::singular);
 }
@@ -130,10 +129,10 @@ TEST("a line with fewer readings than freedoms determines no pose") {
 TEST_EACH(
     for_each,
     "each coordinate measured from outside counts with its own σ, one that was not does not") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   const int readings = scene.readings(), p = scene.known.count;
   // In the base frame, of the nacelle's own coordinates: a step of the pose is one of them.
-  const Joint x = to_coordinates<K>(scene.pose);
+  const Joint x = to_coordinates(K, scene.pose);
   Joint measured = x, sigma{};
   for (int i = 0; i < n; ++i) sigma[i] = 1e-5 * (1 + 2 * i);
   // Rotation vectors have no differences; they are measured as they are.
@@ -158,7 +157,7 @@ TEST_EACH(
 }
 
 TEST_EACH(for_each, "an unknown registration is seen by what was measured, and by nothing else") {
-  Scene<K> scene(mechanism, true);
+  Scene scene(mechanism, true);
   const int readings = scene.readings(), p = scene.known.count, first = scene.parameters();
   Registration by;
   by.base = {Vec3(0.5, -0.3, 0.2), exp_so3(Vec3(0.1, -0.2, 0.4))};

@@ -12,7 +12,7 @@ namespace {
 /// rows 5 and 6 share no link with the others.
 struct Scene {
   static constexpr Mobility K = Mobility::translation;
-  static constexpr int n = kDof<K>, L = 7, p = 10;
+  static constexpr int n = dof(K), L = 7, p = 10;
   std::vector<Line> lines{L};
   std::vector<Pose> poses{L};
   Links links{{{LinkKind::plane, {0}, 0, 3, 1, 0, 0.1, 0.2},
@@ -101,8 +101,8 @@ struct AtOnce {
 
 TEST_EACH(for_each, "every kind of difference changes with poses and unknowns as it says") {
   check::Random random{17};
-  const std::array<Pose, 2> poses{to_pose<K>(random_pose(mechanism, random)),
-                                  to_pose<K>(random_pose(mechanism, random))};
+  const std::array<Pose, 2> poses{to_pose(K, random_pose(mechanism, random)),
+                                  to_pose(K, random_pose(mechanism, random))};
   std::array<double, 6> w{0.02, -0.03, 0.01, 0.004, 0.03, -0.02};
   for (const LinkKind kind : {LinkKind::plane, LinkKind::distance, LinkKind::point})
     for (int axis = 0; axis < 3; ++axis) {
@@ -116,7 +116,7 @@ TEST_EACH(for_each, "every kind of difference changes with poses and unknowns as
                        std::array<Pose, 2> other = poses;
                        Coordinates step{};
                        step[j] = by;
-                       other[a] = moved<K>(poses[a], step);
+                       other[a] = moved(K, poses[a], step);
                        return expected(K, link, other.data(), w.data()).value;
                      }),
                      1e-8);

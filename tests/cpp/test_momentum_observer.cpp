@@ -10,15 +10,14 @@ namespace {
 constexpr double kPeriod = 1e-3;
 
 /// A robot that moves about home under the joint law, and the observer of its momentum.
-template <Mobility K>
 class Scene {
  public:
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   Scene(const Mechanism& mechanism, double count, std::uint64_t seed)
       : robot(mechanism.robot),
         truth(counted(mechanism.robot, count)),
         box_(mechanism.box),
-        plant(truth, {}, to_pose<K>(robot.home), seed),
+        plant(truth, {}, to_pose(K, robot.home), seed),
         control_settings(settings_for(robot, Law::joint)) {
     check::Random random(seed);
     for (int i = 0; i < n; ++i) phase_[i] = 3 * random();
@@ -55,12 +54,12 @@ class Scene {
     Extended q_e{};
     CHECK(plant.measure(q_e));
     Pose pose = plant.pose();
-    CHECK(fkm<K>(robot, motors_of<K>(q_e), pose).status == Status::ok);
-    if (state.started) sample_momentum<K>(settings, pose, state.torque, observer);
+    CHECK(fkm(robot, motors_of(q_e), pose).status == Status::ok);
+    if (state.started) sample_momentum(settings, pose, state.torque, observer);
     for (int step = 0; step < kMomentumSteps; ++step)
-      CHECK(observe_momentum<K>(robot, settings, observer));
-    CHECK(control<K>(robot, control_settings, setpoint, q_e, state));
-    add_payload_torque<K>(robot, settings, setpoint, observer, state.torque);
+      CHECK(observe_momentum(robot, settings, observer));
+    CHECK(control(robot, control_settings, setpoint, q_e, state));
+    add_payload_torque(robot, settings, setpoint, observer, state.torque);
     CHECK(plant.advance(state.torque, kPeriod, 2));
     time += kPeriod;
   }
@@ -70,7 +69,7 @@ class Scene {
 
   Robot robot, truth;
   Coordinates box_;
-  Plant<K> plant;
+  Plant plant;
   ControlSettings control_settings;
   ControlState state;
   MomentumSettings settings;
@@ -85,7 +84,7 @@ class Scene {
 
 TEST_EACH(for_each,
           "without a disturbance an exact model leaves no residual, however the robot moves") {
-  Scene<K> scene(mechanism, 0, 1);
+  Scene scene(mechanism, 0, 1);
   double most = 0, torque = 0;
   for (int k = 0; k < 1000; ++k) {
     scene.cycle();
@@ -99,7 +98,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "the residual is the external force, through the observer's filter") {
-  Scene<K> scene(mechanism, 0, 2);
+  Scene scene(mechanism, 0, 2);
   scene.run(0.3);
   Event push{.kind = Disturbance::contact};
   for (int i = 0; i < scene.n; ++i) push.force[i] = i < 2 ? 20 - 30.0 * i : 0;
@@ -114,7 +113,7 @@ TEST_EACH(for_each, "the residual is the external force, through the observer's 
 
 TEST_EACH(for_each, "a payload is identified to a tenth or 50 g within half a second of motion") {
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
-    Scene<K> scene(mechanism, 1e-5, seed);
+    Scene scene(mechanism, 1e-5, seed);
     scene.run(0.3);
     const double mass = 2 + 0.1 * seed;
     scene.plant.disturb({.kind = Disturbance::payload, .size = mass});
@@ -127,7 +126,7 @@ TEST_EACH(for_each, "a payload is identified to a tenth or 50 g within half a se
 
 TEST_EACH(for_each, "friction is attributed to its motor") {
   for (int motor = 0; motor < n; ++motor) {
-    Scene<K> scene(mechanism, 1e-5, 5);
+    Scene scene(mechanism, 1e-5, 5);
     scene.run(0.3);
     const double size = 40 * scene.unit[motor];
     scene.plant.disturb({.kind = Disturbance::friction, .motor = motor, .size = size});
@@ -139,7 +138,7 @@ TEST_EACH(for_each, "friction is attributed to its motor") {
 }
 
 TEST_EACH(for_each, "the same friction of all motors is friction of all, not a contact") {
-  Scene<K> scene(mechanism, 1e-5, 5);
+  Scene scene(mechanism, 1e-5, 5);
   scene.run(0.3);
   const double size = 40 * scene.unit[0];
   for (int motor = 0; motor < n; ++motor)
@@ -151,7 +150,7 @@ TEST_EACH(for_each, "the same friction of all motors is friction of all, not a c
 }
 
 TEST_EACH(for_each, "friction of motors that have come to rest is not a contact") {
-  Scene<K> scene(mechanism, 1e-5, 5);
+  Scene scene(mechanism, 1e-5, 5);
   scene.until = 0.8;
   for (int motor = 0; motor < scene.n; ++motor)
     scene.plant.disturb(
@@ -166,7 +165,7 @@ TEST_EACH(for_each, "friction of motors that have come to rest is not a contact"
 
 TEST_EACH(for_each, "the assumed friction of all motors and counts are no disturbance") {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    Scene<K> scene(mechanism, 1e-5, seed);
+    Scene scene(mechanism, 1e-5, seed);
     for (int i = 0; i < scene.n; ++i)
       scene.plant.disturb({.kind = Disturbance::friction, .motor = i, .size = scene.unit[i]});
     for (int k = 0; k < 1000; ++k) {

@@ -17,10 +17,9 @@ Coordinates at(const Mechanism& mechanism, double k) {
   return x;
 }
 
-template <Mobility K>
 Extended read_at(const Mechanism& mechanism, const Robot& truth, double k) {
   Extended q_e{};
-  CHECK(extended<K>(truth, to_pose<K>(at(mechanism, k)), q_e));
+  CHECK(extended(truth, to_pose(K, at(mechanism, k)), q_e));
   return q_e;
 }
 
@@ -50,10 +49,10 @@ TEST_EACH(for_each, "samples with timestamps are carried from their own time, be
     CHECK(start(stamped ? all_stamped(10, 8) : all_late(10, 8), late));
     check::Random random(30);
     double farthest = 0, taken = 0.3, arrives = 9;
-    Extended picture = read_at<K>(mechanism, robot, taken), held = picture;
+    Extended picture = read_at(mechanism, robot, taken), held = picture;
     const std::uint64_t base = ~std::uint64_t{0} - nanoseconds(200);  // the clock wraps
     for (int k = 0; k < 600; ++k) {
-      const Extended now = read_at<K>(mechanism, robot, k);
+      const Extended now = read_at(mechanism, robot, k);
       late.arrived = 0;
       if (k >= arrives) {
         held = picture;
@@ -62,11 +61,11 @@ TEST_EACH(for_each, "samples with timestamps are carried from their own time, be
           CHECK(stamp(late, s, base + nanoseconds(taken), base + nanoseconds(k)));
         taken = k + 0.37;
         arrives = k + 8 + 6 * random();
-        picture = read_at<K>(mechanism, robot, taken);
+        picture = read_at(mechanism, robot, taken);
       }
       Extended q_e = k == 0 ? now : held;
       std::copy_n(now.begin(), n, q_e.begin());
-      CHECK(compensate_latency<K>(robot, late, q_e));
+      CHECK(compensate_latency(robot, late, q_e));
       for (int c = n; c < n + robot.r && k > 20; ++c)
         farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
     }
@@ -97,10 +96,10 @@ TEST("a sample that is no newer than the last, from the future or too old counts
   CHECK(start(all_stamped(10, 8), late));
   int valid = 0;
   for (int k = 0; k < 200; ++k) {
-    Extended q_e = read_at<K>(mechanism, robot, k);
+    Extended q_e = read_at(mechanism, robot, k);
     late.arrived = 0;
     if (k == 150) CHECK(add(k, k));
-    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(compensate_latency(robot, late, q_e));
     if (std::isfinite(q_e[4])) ++valid;
   }
   const int longest = 8 + 10 * kDropped;
@@ -117,12 +116,12 @@ TEST_EACH(for_each,
     Bus bus(settings);
     double farthest = 0, held = 0, calmed = 0;
     for (int k = 0; k < 2 * kOldest + 100; ++k) {  // the ring passes its end twice
-      const Extended now = read_at<K>(mechanism, robot, k);
+      const Extended now = read_at(mechanism, robot, k);
       Extended q_e = now;
       late.arrived = bus.deliver(n, q_e);
       for (int i = 0; i < n; ++i) CHECK(q_e[i] == now[i]);
       for (int c = n; c < n + robot.r; ++c) held = std::max(held, std::fabs(q_e[c] - now[c]));
-      CHECK(compensate_latency<K>(robot, late, q_e));
+      CHECK(compensate_latency(robot, late, q_e));
       for (int c = n; c < n + robot.r; ++c)
         farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
       low_pass(robot, late, q_e);
@@ -148,10 +147,10 @@ TEST_EACH(
   Bus bus(settings);
   for (int k = 0; k < 400; ++k) {
     const int moving = std::min(k, 200);
-    Extended q_e = read_at<K>(mechanism, truth, moving);
+    Extended q_e = read_at(mechanism, truth, moving);
     const double now = q_e[n];
     late.arrived = bus.deliver(n, q_e);
-    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(compensate_latency(robot, late, q_e));
     low_pass(robot, late, q_e);
     CHECK_NEAR(q_e[n], now, 1e-6);
     Knowledge known;
@@ -176,16 +175,16 @@ TEST_EACH(for_each,
   Bus bus(settings);
   Extended nothing{};
   nothing.fill(NAN);
-  CHECK(!compensate_latency<K>(robot, late, nothing));  // before there is any pose
+  CHECK(!compensate_latency(robot, late, nothing));  // before there is any pose
   CHECK(late.cycle == 0);
   for (int k = 0; k < 200; ++k) {
-    const Extended now = read_at<K>(mechanism, robot, k);
+    const Extended now = read_at(mechanism, robot, k);
     Extended q_e = now;
     if (k >= 60 && k < 65) q_e.fill(NAN);
     late.arrived = bus.deliver(n, q_e);
     const bool motors = k < 100 || k >= 103;
     if (!motors) std::fill_n(q_e.begin(), n, NAN);
-    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(compensate_latency(robot, late, q_e));
     CHECK(motors == late.placed || k < 100);
     // The picture of cycle 60 arrives in 68 and is held until 78.
     const bool blind = (k >= 68 && k < 78);
@@ -231,14 +230,14 @@ TEST_EACH(
   CHECK(start(settings, late));
   Bus bus(settings);
   check::Random random(21);
-  const Extended rest = read_at<K>(mechanism, robot, 0);
+  const Extended rest = read_at(mechanism, robot, 0);
   double noise = 0, squares = 0;
   for (int k = 0; k < kCycles; ++k) {
     Extended q_e = rest;
     if (k % kEvery == 0) noise = std::sqrt(3) * kSigma * random();  // uniform, of variance σ²
     q_e[n] += noise;
     late.arrived = bus.deliver(n, q_e);
-    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(compensate_latency(robot, late, q_e));
     low_pass(robot, late, q_e);
     if (k > 2000) squares += (q_e[n] - rest[n]) * (q_e[n] - rest[n]) / (kCycles - 2000);
   }
@@ -252,7 +251,7 @@ TEST_EACH(
     q_e = rest;
     q_e[n] += 100 * kSigma;
     late.arrived = bus.deliver(n, q_e);
-    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(compensate_latency(robot, late, q_e));
     low_pass(robot, late, q_e);
   }
   CHECK(q_e[n] - rest[n] > 95 * kSigma);
@@ -269,7 +268,7 @@ TEST_EACH(for_each,
     robot.chain[i].encoder_step = 0;
   }
   robot.sensor[0].step = robot.sensor[0].noise = 0;
-  const Extended rest = read_at<K>(mechanism, robot, 0);
+  const Extended rest = read_at(mechanism, robot, 0);
   check::Random random(22);
   double mean = 0, squares = 0, stated = 0;
   for (int k = 0; k < kTrials; ++k) {
@@ -277,7 +276,7 @@ TEST_EACH(for_each,
     CHECK(start(all_late(10, 8), late));
     Extended q_e = rest;
     for (int i = 0; i < n; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
-    CHECK(compensate_latency<K>(robot, late, q_e));
+    CHECK(compensate_latency(robot, late, q_e));
     const double off = late.expected[0] - rest[n];
     mean += off / kTrials;
     squares += off * off / kTrials;

@@ -6,10 +6,9 @@ using namespace mechanisms;
 namespace {
 
 /// A robot that is not as drawn, and a controller that learns it.
-template <Mobility K>
 class Scene {
  public:
-  static constexpr int n = kDof<K>;
+  static const int n = dof(K);
   explicit Scene(const Mechanism& mechanism)
       : truth(mechanism.robot), prior_(mechanism.robot), learner(prior_.learner(mechanism.robot)) {
     for (int i = 0; i < n; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
@@ -18,11 +17,11 @@ class Scene {
   /// The true robot's readings at a pose; the first motor's `more` further.
   Extended read(const Joint& x, double more = 0) const {
     Extended q_e{};
-    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+    CHECK(extended(truth, to_pose(K, x), q_e));
     q_e[0] += more;
     return q_e;
   }
-  Outcome learn(const Extended& q_e) { return truepose::calibrate_online<K>(learner, q_e); }
+  Outcome learn(const Extended& q_e) { return truepose::calibrate_online(learner, q_e); }
   /// What readings of the last line have moved by so many σ, and so are news or not.
   double sigma() const { return learner.state.sigma[0]; }
 
@@ -38,7 +37,7 @@ class Scene {
 }  // namespace
 
 TEST_EACH(for_each, "a line counts where a reading has moved since the last one that counted") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   const Extended first = scene.read(mechanism.robot.home);
   CHECK(scene.learn(first));
   for (int cycle = 0; cycle < 5; ++cycle) CHECK(scene.learn(first));
@@ -57,7 +56,7 @@ TEST_EACH(for_each, "a line counts where a reading has moved since the last one 
 }
 
 TEST_EACH(for_each, "what is learnt is what the controller believes in the same cycle") {
-  Scene<K> scene(mechanism);
+  Scene scene(mechanism);
   check::Random random(71);
   for (int k = 0; k < 30; ++k) {
     CHECK(scene.learn(scene.read(random_pose(mechanism, random, 0.5))));
@@ -76,8 +75,8 @@ TEST_EACH(for_each, "what is learnt is what the controller believes in the same 
 
 TEST("the outcome says that a line is left out, for as long as the robot stands there") {
   int left_out = 0;
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    Scene<mobility()> scene(mechanism);
+  for_each([&](const Mechanism& mechanism) {
+    Scene scene(mechanism);
     CHECK(scene.learn(scene.read(mechanism.robot.home)).status == Status::ok);
     // One motor's reading alone moves. (An H4's θ at home does not see it: that line is learnt.)
     const Extended moved = scene.read(mechanism.robot.home, 300 * scene.sigma());
@@ -105,14 +104,14 @@ TEST("a robot understood rod by rod is learnt rod by rod") {
   scene.truth.chain[1].rod_difference = 1e-3;  // which the ideal level does not see
   Extended q_e{};
   Matrix<kMaxReadings, 4> H_x;
-  const Pose pose = to_pose<Mobility::schoenflies>(mechanism.robot.home);
+  const Pose pose = to_pose(Mobility::schoenflies, mechanism.robot.home);
   CHECK(linearise_full<Mobility::schoenflies>(scene.truth, pose, q_e, H_x, nullptr));
   Scene<Mobility::schoenflies> ideal(mechanism);
   const Outcome full = scene.learn(q_e),
-                other = calibrate_online<Mobility::schoenflies, IdealModel>(ideal.learner, q_e);
+                other = calibrate_online(Level::ideal, ideal.learner, q_e);
   CHECK(full && other);
   CHECK(scene.learner.robot.chain[1].rod != ideal.learner.robot.chain[1].rod);
   Scene<Mobility::schoenflies> again(mechanism);
-  CHECK((calibrate_online<Mobility::schoenflies, FullModel>(again.learner, q_e)));
+  CHECK((calibrate_online(Level::full, again.learner, q_e)));
   CHECK(scene.learner.robot.chain[1].rod == again.learner.robot.chain[1].rod);
 }

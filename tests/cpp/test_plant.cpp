@@ -24,7 +24,7 @@ TEST("a gear follows half its play behind, on either side, and a direct encoder 
     mechanism.robot.gravity = Vec3::Zero();
     Effects effects;
     effects.backlash = 0.01;
-    Plant<K> plant(mechanism.robot, effects, to_pose<K>(mechanism.robot.home), 0);
+    Plant plant(mechanism.robot, effects, to_pose(K, mechanism.robot.home), 0);
     CHECK(plant.rest());
     Extended read{};
     CHECK(plant.measure(read));

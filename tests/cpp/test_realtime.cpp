@@ -78,7 +78,6 @@ struct Cycle {
 };
 
 /// A robot with two sensors, what is known of it, and cycles in a part of its box.
-template <Mobility K>
 struct Scene {
   explicit Scene(const Mechanism& mechanism, double part = 1, Level level = Level::ideal)
       : robot(sensed(mechanism.robot, level)), prior(robot) {
@@ -89,8 +88,8 @@ struct Scene {
       cycle.setpoint.acceleration = random_joint(random, 5);
       cycle.any = random_joint(random, 3);
       Parasitic rest;
-      const Pose beside = nearby<K>(to_pose<K>(cycle.setpoint.x), random, 1e-3 * part);
-      CHECK(exact_readings<K>(robot, beside, cycle.q_e, rest));
+      const Pose beside = nearby(K, to_pose(K, cycle.setpoint.x), random, 1e-3 * part);
+      CHECK(exact_readings(robot, beside, cycle.q_e, rest));
     }
   }
   static Robot sensed(Robot robot, Level level) {
@@ -169,7 +168,7 @@ TEST_EACH(
   const long many = check::sample_size(kCycles) / (K == Mobility::schoenflies ? 1 : 10);
   for (const Level level : {Level::ideal, Level::full}) {
     if (level == Level::full && !mechanism.robot.full.own()) continue;
-    const Scene<K> made(mechanism, 1, level);
+    const Scene made(mechanism, 1, level);
     Prior prior(made.robot);
     CachedGain kept;
     const Weighing fresh = prior.weighing(), keeps{fresh.known, fresh.work, &kept};
@@ -194,7 +193,7 @@ TEST_EACH(
 }
 
 TEST_EACH(for_each, "no model does at either level, whether it finds an answer or not") {
-  const Scene<K> made(mechanism);
+  const Scene made(mechanism);
   const Robot& robot = made.robot;
   const bool full = robot.full.kind != FullKind::overconstrained;
   Robot copy = robot;
@@ -219,18 +218,18 @@ TEST_EACH(for_each, "no model does at either level, whether it finds an answer o
 }
 
 TEST_EACH(for_each, "no estimate does at either level, whether it finds a pose or not") {
-  Scene<K> made(mechanism);
+  Scene made(mechanism);
   const Weighing by = made.prior.weighing();
   const auto estimated = [&](const Extended& q_e, Pose pose) {
-    bool found = bool(estimate<K>(made.robot, *by.known, q_e, pose, by.work));
-    if constexpr (kPaired<K>)
+    bool found = bool(estimate(made.robot, *by.known, q_e, pose, by.work));
+    if (paired(K))
       if (made.robot.full.kind == FullKind::exists)
-        found = bool(estimate<K, FullModel>(made.robot, *by.known, q_e, pose, by.work)) && found;
+        found = bool(estimate(Level::full, made.robot, *by.known, q_e, pose, by.work)) && found;
     return found;
   };
   CHECK(watched(300, [&](long k) {
           Extended q_e = made.at(k).q_e;
-          const Pose near = to_pose<K>(made.at(k).setpoint.x);
+          const Pose near = to_pose(K, made.at(k).setpoint.x);
           const bool found = estimated(q_e, near);
           q_e[0] += 3;
           static_cast<void>(estimated(q_e, near));
@@ -239,7 +238,7 @@ TEST_EACH(for_each, "no estimate does at either level, whether it finds a pose o
 }
 
 TEST_EACH(for_each, "no fault-tolerant controller does, whatever its readings do") {
-  Scene<K> made(mechanism, 1e-3);
+  Scene made(mechanism, 1e-3);
   FaultTolerantSettings faults;
   faults.monitor.fastest.fill(500);
   faults.monitor.moved.fill(2e-3);
@@ -261,7 +260,7 @@ TEST_EACH(for_each, "no fault-tolerant controller does, whatever its readings do
               if (k % 200 == 199) acknowledge(fault_state.monitor, c);
               clock.advance(settings.period, fault_state.stop);
               late.arrived = arrivals(late.settings, late.cycle);
-              return control_fault_tolerant<K>(
+              return control_fault_tolerant(
                          made.robot, settings, faults, clock.paced(made.at(k).setpoint), q_e, state,
                          made.prior.weighing(), fault_state, is_slow ? &late : nullptr)
                          .status == Status::disagree;
@@ -270,7 +269,7 @@ TEST_EACH(for_each, "no fault-tolerant controller does, whatever its readings do
 }
 
 TEST_EACH(for_each, "no safety shell does, whatever stops it, with a fault monitor and without") {
-  Scene<K> made(mechanism, 0);
+  Scene made(mechanism, 0);
   const ControlSettings settings = settings_for(made.robot, Law::joint);
   SafetyLimits limits;
   CHECK(default_limits(made.robot, settings, limits));
@@ -293,7 +292,7 @@ TEST_EACH(for_each, "no safety shell does, whatever stops it, with a fault monit
       setpoint.x = made.robot.home;
       Extended q_e = made.at(k).q_e;
       if (k % 300 > 100) q_e[0] = k % 600 > 300 ? NAN : 3;
-      static_cast<void>(control_safely<K>(made.robot, settings, limits, setpoint, q_e, state, shell,
+      static_cast<void>(control_safely(made.robot, settings, limits, setpoint, q_e, state, shell,
                                           cycle, made.prior.weighing(), monitored));
       stops += shell.machine.state == SafetyState::fault;
       return shell.follows;
@@ -304,18 +303,18 @@ TEST_EACH(for_each, "no safety shell does, whatever stops it, with a fault monit
 }
 
 TEST_EACH(for_each, "no online calibrator does, at either level") {
-  Scene<K> made(mechanism);
+  Scene made(mechanism);
   for (const double gate : {0.0, kGate}) {
     OnlineCalibrator learner = made.prior.learner(made.robot);
     learner.settings.gate = gate;
     watched(300, [&](long k) {
       Extended q_e = made.at(k).q_e;
-      static_cast<void>(calibrate_online<K>(learner, q_e));
-      if constexpr (kPaired<K>)
+      static_cast<void>(calibrate_online(learner, q_e));
+      if (paired(K))
         if (made.robot.full.kind == FullKind::exists)
-          static_cast<void>(calibrate_online<K, FullModel>(learner, q_e));
+          static_cast<void>(calibrate_online(Level::full, learner, q_e));
       q_e[0] += 3;  // mostly fails
-      return bool(calibrate_online<K>(learner, q_e));
+      return bool(calibrate_online(learner, q_e));
     });
     CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);
   }

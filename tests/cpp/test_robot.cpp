@@ -25,8 +25,8 @@ Robot drawn() {
     Chain& chain = robot.chain[i];
     chain.base = base[i];
     chain.zero = Vec3(std::cos(angle[i]), std::sin(angle[i]), 0);
-    chain.pair_drawn = Vec3::UnitZ().cross(chain.zero());
-    chain.axis = exp_so3(2e-3 * (i - 1) * chain.zero()) * chain.pair_drawn();
+    chain.pair_drawn = Vec3::UnitZ().cross(chain.zero);
+    chain.axis = exp_so3(2e-3 * (i - 1) * chain.zero) * chain.pair_drawn;
     chain.pair_axis = chain.axis;
     chain.arm = 0.26;
     chain.rod = 0.48;
@@ -112,7 +112,7 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
       {"read_standing", read_standing<kH4>(robot, to_full(pose), Joint{}, Joint{}, q_e)},
       {"linearise", linearise<kH4>(robot, pose, q_e, H_x, nullptr)},
       {"linearise_full", linearise_full<kH4>(robot, pose, q_e, H_x, nullptr)},
-      {"estimate", estimate<kH4>(robot, memory.known, q_e, near, memory.work.data()).outcome},
+      {"estimate", estimate(Level::ideal, robot, memory.known, q_e, near, memory.work.data()).outcome},
       {"forward_dynamics", forward_dynamics<kH4>(robot, pose, Joint{}, Joint{}, acceleration)},
       {"place_poles", place_poles(robot, x, 100, 1, settings)},
       {"drawn_parameters", drawn_parameters(robot, memory.xi.data())},

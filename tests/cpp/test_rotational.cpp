@@ -33,9 +33,9 @@ TEST_EACH(for_each_pivot, "FKM(IKM(x)) = x from neutral over the whole range, no
       continue;
     }
     Pose found;  // x = 0
-    lost += !fkm<K>(robot, q, found);
+    lost += !fkm(robot, q, found);
     for (int j = 0; j < n; ++j)
-      worst = std::max(worst, std::fabs(to_coordinates<K>(found)[j] - x[j]));
+      worst = std::max(worst, std::fabs(to_coordinates(K, found)[j] - x[j]));
   }
   CHECK(beyond < 0.2 * poses);
   CHECK(lost == 0);
@@ -47,28 +47,28 @@ TEST_EACH(for_each_pivot,
   const Robot& robot = mechanism.robot;
   check::Random random(74);
   for (int k = 0; k < 200; ++k) {
-    std::array<Driven, n> driven;
+    std::array<Driven, kMaxDof> driven;
     for (int i = 0; i < n; ++i) driven[i] = driven_point(robot.chain[i], 2 * random());
-    const Loops<K> loops(robot, driven);
-    typename Loops<K>::At from, at;
-    loops.start(to_pose<K>(random_pose(mechanism, random)), from);
+    const Loops loops(robot, driven);
+    typename Loops::At from, at;
+    loops.start(to_pose(K, random_pose(mechanism, random)), from);
     Coordinates motion{};
     for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
     loops.after(from, motion, at);
     for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
 
-    const Carried<K> carried = carried_frames<K>(robot, at.pose);
-    std::array<Lanes<n>, n> columns;
+    const Carried carried = carried_frames(robot, at.pose);
+    std::array<Lanes<n>, kMaxDof> columns;
     loops.jx(at, columns);
     const Points<n> rods = loops.rods(at);
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
-      const Vec3 lever = carried.pose.R * chain.pivot();
-      const Vec3 v = chain.base() + driven[i].p - carried.pose.D - lever;
+      const Vec3 lever = carried.pose.R * chain.pivot;
+      const Vec3 v = chain.base + driven[i].p - carried.pose.D - lever;
       CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
       CHECK_NEAR((rods[i] - v).norm(), 0, 1e-15);
-      std::array<double, n> row;
-      jx_row<K>(carried, v, lever, row);
+      Coordinates row;
+      jx_row(carried, v, lever, row);
       for (int j = 0; j < n; ++j) CHECK_NEAR(columns[j][i], row[j], 1e-16);
     }
     CHECK_NEAR(at.cost, (at.f * at.f).sum(), 1e-30);
@@ -80,8 +80,8 @@ TEST_EACH(for_every, "a gyroscope reads how the nacelle turns, in the nacelle's 
   check::Random random(75);
   for (int k = 0; k < 50; ++k) {
     const Coordinates x = random_pose(mechanism, random);
-    const Pose pose = to_pose<K>(x);
-    const Mat3 R = placed<K>(robot, pose).R;
+    const Pose pose = to_pose(K, x);
+    const Mat3 R = placed(robot, pose).R;
     GyroRows W{};
     CHECK(gyro(robot, x, W));
     for (int j = 0; j < n; ++j)
@@ -89,7 +89,7 @@ TEST_EACH(for_every, "a gyroscope reads how the nacelle turns, in the nacelle's 
         CHECK_NEAR(W[axis][j], slope_of([&](double h) {
                      Coordinates step{};
                      step[j] = h;
-                     const Mat3 after = placed<K>(robot, moved<K>(pose, step)).R;
+                     const Mat3 after = placed(robot, moved(K, pose, step)).R;
                      return log_so3(R.transpose() * after)[axis];
                    }),
                    1e-10);
@@ -108,17 +108,17 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
   std::vector<double> xi(width), H(rows * width);
   CHECK(drawn_parameters(robot, xi.data()));
   for (int k = 0; k < 10; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.6));
+    const Pose pose = to_pose(K, random_pose(mechanism, random, 0.6));
     Extended q_e{};
-    Matrix<kMaxReadings, n> H_x;
-    CHECK(linearise<K>(robot, pose, q_e, H_x, H.data()));
+    PoseRows H_x;
+    CHECK(linearise(robot, pose, q_e, H_x, H.data()));
     for (int j = 0; j < n; ++j)
       for (int m = 0; m < rows; ++m)
         CHECK_NEAR(H_x[m][j], slope_of([&](double h) {
                      Coordinates step{};
                      step[j] = h;
                      Extended there{};
-                     CHECK(extended<K>(robot, moved<K>(pose, step), there));
+                     CHECK(extended(robot, moved(K, pose, step), there));
                      return there[m];
                    }),
                    1e-7 * (1 + std::fabs(H_x[m][j])));
@@ -135,7 +135,7 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
               Robot changed = robot;
               CHECK(set_parameters(robot, other.data(), changed));
               Extended there{};
-              CHECK(extended<K>(changed, pose, there));
+              CHECK(extended(changed, pose, there));
               return there[m];
             },
             1e-5);
@@ -150,8 +150,8 @@ TEST("axes that coincide and rods that run through their axis are singular") {
   together.axis[1].direction = Vec3::UnitY();
   CHECK(finish(together).status == Status::singular);
   Robot through = lever().robot;  // its rod's end on the axis
-  through.chain[0].pivot = 0.03 * through.axis[0].direction();
-  through.chain[0].rod = (through.chain[0].base() - through.axis[0].origin()).norm();
+  through.chain[0].pivot = 0.03 * through.axis[0].direction;
+  through.chain[0].rod = (through.chain[0].base - through.axis[0].origin).norm();
   CHECK(finish(through).status == Status::singular);
 }
 
@@ -159,9 +159,9 @@ TEST_EACH(for_each_pivot, "angles are found from the place that the axes carry t
   const Robot& robot = mechanism.robot;
   check::Random random(78);
   for (int k = 0; k < 500; ++k) {
-    const Pose pose = to_pose<K>(random_pose(mechanism, random));
-    Pose found = to_pose<K>(robot.home);
-    angles_of<K>(robot, placed<K>(robot, pose), found);
+    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    Pose found = to_pose(K, robot.home);
+    angles_of(robot, placed(robot, pose), found);
     for (int j = 0; j < n; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-12);
   }
 }

@@ -6,7 +6,7 @@
 using namespace pivots_tested;
 
 TEST_EACH(for_some_guarded, "a healthy robot runs for as long as it may") {
-  Guarded<K> scene(mechanism);
+  Guarded scene(mechanism);
   scene.to_running();
   scene.run_for(3000);
   CHECK(scene.shell.follows && scene.shell.causes == 0);
@@ -15,7 +15,7 @@ TEST_EACH(for_some_guarded, "a healthy robot runs for as long as it may") {
 
 TEST_EACH(for_each, "a motor that friction holds on either side of its setpoint is no frozen one") {
   for (const bool beyond : {false, true}) {
-    Guarded<K> scene(mechanism);
+    Guarded scene(mechanism);
     scene.to_running();
     const SafetyLimits& limits = scene.limits;
     const double held = 0.9 * limits.rests[0], off = beyond ? 0.9 * limits.tracking[0] : held;
@@ -33,7 +33,7 @@ TEST_EACH(for_each, "a motor that friction holds on either side of its setpoint 
 TEST_EACH(for_some_guarded,
           "every violation stops a running robot for its cause, within 10 ms beyond its own time") {
   using Change = std::function<void(SafetyCycle&, int)>;
-  Guarded<K> scene(mechanism);
+  Guarded scene(mechanism);
   scene.limits.low.fill(-1e3);
   scene.limits.high.fill(1e3);
   for (int j = 0; j < n; ++j) {
@@ -93,7 +93,7 @@ TEST_EACH(for_some_guarded,
        }},
   };
   for (const Case& one : cases) {
-    Guarded<K> copy = scene;
+    Guarded copy = scene;
     const int within = copy.until_stop(one.within + 5, one.change);
     const bool right = copy.shell.cause == one.cause && copy.shell.machine.stop == one.stop &&
                        within > 0 && within <= one.within;
@@ -112,7 +112,7 @@ TEST_EACH(for_some_guarded,
 }
 
 TEST_EACH(for_some_guarded, "a motor may be at its torque limit for a while, again and again") {
-  Guarded<K> scene(mechanism);
+  Guarded scene(mechanism);
   scene.to_running();
   const SafetyLimits& limits = scene.limits;
   const int half = static_cast<int>(limits.saturation / limits.period) / 2;
@@ -124,8 +124,8 @@ TEST_EACH(for_some_guarded, "a motor may be at its torque limit for a while, aga
 }
 
 TEST_EACH(for_some_guarded, "bad input has one status each, and nothing moves") {
-  using Change = std::function<void(Guarded<K>&, SafetyCycle&)>;
-  const auto cause = [](auto set) { return [=](Guarded<K>&, SafetyCycle& cycle) { set(cycle); }; };
+  using Change = std::function<void(Guarded&, SafetyCycle&)>;
+  const auto cause = [](auto set) { return [=](Guarded&, SafetyCycle& cycle) { set(cycle); }; };
   const std::vector<std::pair<StopCause, Change>> cases{
       {StopCause::unknown_pose, cause([](SafetyCycle& cycle) { cycle.known = false; })},
       {StopCause::missing_reading, cause([](SafetyCycle& cycle) { cycle.q[0] = NAN; })},
@@ -133,7 +133,7 @@ TEST_EACH(for_some_guarded, "bad input has one status each, and nothing moves") 
        cause([](SafetyCycle& cycle) { cycle.answer = {Status::unreachable, 0}; })},
       {StopCause::tracking_error, cause([](SafetyCycle& cycle) { cycle.error[0] = 10; })},
       {StopCause::clock_backwards,
-       [](Guarded<K>& scene, SafetyCycle& cycle) {
+       [](Guarded& scene, SafetyCycle& cycle) {
          cycle.time.value = 5'000'000 - 1'000 * scene.frame;
        }},
       {StopCause::stale_frame, cause([](SafetyCycle& cycle) {
@@ -141,15 +141,15 @@ TEST_EACH(for_some_guarded, "bad input has one status each, and nothing moves") 
        })},
       {StopCause::requested, cause([](SafetyCycle& cycle) { cycle.request.stop = true; })},
       {StopCause::contradictory_limits,
-       [](Guarded<K>& scene, SafetyCycle&) { scene.limits.still[0] = 0; }},
+       [](Guarded& scene, SafetyCycle&) { scene.limits.still[0] = 0; }},
       {StopCause::contradictory_limits,
-       [](Guarded<K>& scene, SafetyCycle&) { scene.limits.speed[0] = NAN; }},
+       [](Guarded& scene, SafetyCycle&) { scene.limits.speed[0] = NAN; }},
       {StopCause::contradictory_limits,
-       [](Guarded<K>& scene, SafetyCycle&) { scene.limits.window = 9; }},
+       [](Guarded& scene, SafetyCycle&) { scene.limits.window = 9; }},
   };
   for (const auto& [why, change] : cases) {
     for (const bool start : {false, true}) {  // an acknowledgement is refused, and a start
-      Guarded<K> scene(mechanism);
+      Guarded scene(mechanism);
       if (start) scene.to_ready();
       StopCause refused = StopCause::none;
       for (int k = 0; k < 60; ++k) {
@@ -176,7 +176,7 @@ TEST_EACH(for_some_guarded, "bad input has one status each, and nothing moves") 
 
 TEST_EACH(for_some_guarded,
           "a fault is left only by an acknowledgement without its cause, and a start that is new") {
-  Guarded<K> scene(mechanism);
+  Guarded scene(mechanism);
   scene.to_running();
   SafetyShell& shell = scene.shell;
   const auto lose = [](SafetyCycle& cycle, int) { cycle.lost = true; };
@@ -216,9 +216,9 @@ TEST_EACH(for_some_guarded,
 TEST_EACH(
     for_some_guarded,
     "after a requested stop a violation is the cause; frames at half the rate hide no overspeed") {
-  Guarded<K> scene(mechanism);
+  Guarded scene(mechanism);
   scene.to_running();
-  Guarded<K> halved = scene;
+  Guarded halved = scene;
   scene.press(&SafetyRequests::stop);
   scene.run_for(scene.rest());
   CHECK(scene.shell.cause == StopCause::requested);
@@ -244,7 +244,7 @@ TEST_EACH(
       last = now;
     };
   };
-  Guarded<K> slow = halved;
+  Guarded slow = halved;
   const SafetyCycle start = last;
   CHECK(slow.until_stop(30, half(0)) == -1);
   last = start;

@@ -20,7 +20,7 @@ constexpr long kHostile = 10'000'000;
 }  // namespace
 
 TEST_EACH(for_some_guarded, "hostile cycles of any numbers, clocks and requests break no promise") {
-  Guarded<K> scene(mechanism);
+  Guarded scene(mechanism);
   std::mt19937_64 random(11);
   constexpr double kBad[]{NAN, INFINITY, -INFINITY, 1e308, -1e300, 1e9, 0, 1e-320};
   SafetyCycle cycle = scene.healthy();

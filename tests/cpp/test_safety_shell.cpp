@@ -4,10 +4,10 @@
 using namespace mechanisms;
 
 TEST("healthy robots with counts never trip, under every law, in moves of 0.2 s") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
+  for_each([](const Mechanism& mechanism) {
     for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::estimated}) {
-      if (law == Law::cartesian && kDof<mobility()> == 6) continue;
-      Bench<mobility()> bench(mechanism, law);
+      if (law == Law::cartesian && dof(K) == 6) continue;
+      Bench bench(mechanism, law);
       bench.begin();
       check::Random random(5);
       for (int m = 0; m < 3; ++m) {
@@ -23,7 +23,7 @@ TEST("healthy robots with counts never trip, under every law, in moves of 0.2 s"
 TEST_EACH(for_each,
           "robots at rest with readings that never change do not trip, nor do slow ones") {
   for (const FeedForward forward : {FeedForward::full, FeedForward::gravity}) {
-    Bench<K> bench(mechanism, Law::joint, forward);
+    Bench bench(mechanism, Law::joint, forward);
     bench.begin();
     bench.run_for(500);
     CHECK(bench.healthy());
@@ -41,11 +41,11 @@ TEST_EACH(for_each,
 TEST("no false alarm: healthy robots with friction, ripple and wrong lengths, fast and slow") {
   const long moves = check::sample_size(6);
   long cycles = 0;
-  for_each([&](const Mechanism& mechanism, auto mobility) {
+  for_each([&](const Mechanism& mechanism) {
     for (const bool marked : {true, false})
       for (const Law law : {Law::joint, Law::tej})
         for (const double friction : {0.0, 0.005}) {
-          Bench<mobility()> bench(mechanism, law, {}, {1e-3, friction, 0.02});
+          Bench bench(mechanism, law, {}, {1e-3, friction, 0.02});
           bench.begin();
           check::Random random(31);
           const auto marks = [&](Extended&, SafetyCycle& cycle, Setpoint&) {
@@ -72,7 +72,7 @@ TEST_EACH(for_each,
     for (const Law law : {Law::joint, Law::estimated})
       for (const double speed : {0.02, 0.1, 0.3, 0.6})
         for (const double share : {0.3, 0.5}) {
-          Bench<K> bench(mechanism, law);
+          Bench bench(mechanism, law);
           bench.begin();
           Coordinates target = mechanism.robot.home;
           target[0] += 0.04;
@@ -121,7 +121,7 @@ TEST_EACH(for_each,
 TEST_EACH(for_each,
           "one motor whose encoder freezes in motion is named before its loop has driven it far") {
   for (int motor = 0; motor < n; ++motor) {
-    Bench<K> bench(mechanism);
+    Bench bench(mechanism);
     bench.begin();
     Coordinates target = mechanism.robot.home;
     target[0] += 0.04;
@@ -135,14 +135,14 @@ TEST_EACH(for_each,
     const int named = bench.cycles(100, [&] { return bench.shell.causes != 0; }, freeze);
     CHECK(named > 0 && named <= 100);  // slow motors take the longest
     CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
-    const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
-    CHECK(bench.travelled(to_pose<K>(setpoint.x)) < 0.040);
+    const Setpoint setpoint = quintic(bench.from, bench.to, bench.duration, bench.clock.time);
+    CHECK(bench.travelled(to_pose(K, setpoint.x)) < 0.040);
   }
 }
 
 TEST_EACH(for_each,
           "a requested stop follows the path without a corner, then the brakes hold the robot") {
-  Bench<K> bench(mechanism);
+  Bench bench(mechanism);
   bench.begin();
   Coordinates target = mechanism.robot.home;
   target[0] += 0.04;
@@ -151,8 +151,8 @@ TEST_EACH(for_each,
   bench.request.stop = true;
   double off = 0;
   CHECK(bench.cycles(200, [&] {
-    const Setpoint setpoint = quintic<K>(bench.from, bench.to, bench.duration, bench.clock.time);
-    off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates<K>(bench.plant.pose())[0]));
+    const Setpoint setpoint = quintic(bench.from, bench.to, bench.duration, bench.clock.time);
+    off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates(K, bench.plant.pose())[0]));
     return bench.shell.machine.stop == StopKind::brake;
   }) >= 150);
   CHECK(off < 1e-3 && bench.clock.rate == 0);
@@ -165,7 +165,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "a stop of a robot whose setpoint stands still ends within a brake's time") {
-  Bench<K> bench(mechanism);
+  Bench bench(mechanism);
   bench.begin();
   bench.request.stop = true;
   const int closed = bench.cycles(30, [&] { return bench.shell.brakes != 0; });
@@ -175,7 +175,7 @@ TEST_EACH(for_each, "a stop of a robot whose setpoint stands still ends within a
 TEST_EACH(
     for_each,
     "lost, late and jittering frames of a healthy robot are no violation until one is too old") {
-  Bench<K> bench(mechanism);
+  Bench bench(mechanism);
   bench.begin();
   check::Random random(8);
   Extended last{};
@@ -204,7 +204,7 @@ TEST_EACH(
 TEST_EACH(for_each,
           "acknowledged and started after a law without an answer, a monitored robot moves again") {
   if (mechanism.robot.r == 0) return;
-  Bench<K> bench(mechanism);
+  Bench bench(mechanism);
   FaultTolerantSettings settings;
   prepare(settings.monitor);
   FaultTolerantState monitor;
@@ -220,7 +220,7 @@ TEST_EACH(for_each,
   bench.move(target, 0.3);
   bench.run_for(400);
   CHECK(bench.healthy() && monitor.brakes == 0);
-  CHECK(std::fabs(to_coordinates<K>(bench.plant.pose())[0] - target[0]) < 1e-3);
+  CHECK(std::fabs(to_coordinates(K, bench.plant.pose())[0] - target[0]) < 1e-3);
 }
 
 TEST("of motors that may be faulty only one that stands still off its setpoint is suspected") {

@@ -62,8 +62,8 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
       add(row.kind, chain);
       if (!seen_from_the_nacelle(row.kind)) continue;
       Sensor& joint = add(row.kind, chain, true);
-      joint.direction = robot.chain[chain].axis();
-      joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis().unitOrthogonal();
+      joint.direction = robot.chain[chain].axis;
+      joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis.unitOrthogonal();
     }
   }
   if (robot.full.bars > 0) add(SensorKind::platform_angle).bar = robot.full.bars - 1;
@@ -100,24 +100,24 @@ void change(Robot& robot, int i, ChainParameter p, double h) {
       break;
     case ChainParameter::yaw: {
       const Mat3 turn = rotation_z(h);
-      chain.zero = turn * chain.zero();
-      chain.axis = turn * chain.axis();
-      chain.pair_axis = turn * chain.pair_axis();
+      chain.zero = turn * chain.zero;
+      chain.axis = turn * chain.axis;
+      chain.pair_axis = turn * chain.pair_axis;
       break;
     }
     case ChainParameter::tilt: {
-      const Mat3 turn = exp_so3(h * chain.zero());
-      chain.axis = turn * chain.axis();
-      chain.pair_axis = turn * chain.pair_axis();
+      const Mat3 turn = exp_so3(h * chain.zero);
+      chain.axis = turn * chain.axis;
+      chain.pair_axis = turn * chain.pair_axis;
       break;
     }
     case ChainParameter::rod_difference: chain.rod_difference += h; break;
     case ChainParameter::rod_spacing: chain.rod_spacing += h; break;
     default:
       if (p <= ChainParameter::base_z)
-        chain.base()[index] += h;
+        chain.base[index] += h;
       else
-        (chain.bar < 0 ? chain.pivot() : chain.anchor())[index - 8] += h;
+        (chain.bar < 0 ? chain.pivot : chain.anchor)[index - 8] += h;
   }
 }
 
@@ -135,27 +135,25 @@ void change(Robot& robot, int k, SensorParameter p, double h) {
   else if (p == SensorParameter::gain)
     sensor.gain += h;
   else
-    (index < 3   ? sensor.origin()
-     : index < 6 ? sensor.direction()
-     : index < 9 ? sensor.target()
-                 : sensor.normal())[index % 3] += h;
-  sensor.direction().normalize();
-  sensor.normal().normalize();
+    (index < 3   ? sensor.origin
+     : index < 6 ? sensor.direction
+     : index < 9 ? sensor.target
+                 : sensor.normal)[index % 3] += h;
+  sensor.direction.normalize();
+  sensor.normal.normalize();
 }
 
 /// What a level of the model says at a pose.
-template <Mobility K>
 struct Readings {
   Extended q_e{};
-  Matrix<kMaxReadings, kDof<K>> H_x{};
+  PoseRows H_x{};
   std::vector<double> H_xi;
 };
-template <Mobility K>
-Readings<K> read_at(bool full, const Robot& robot, const Pose& pose) {
-  Readings<K> at;
-  at.H_xi.resize((kDof<K> + robot.r) * parameter_count(robot));
-  CHECK(full ? linearise_full<K>(robot, pose, at.q_e, at.H_x, at.H_xi.data())
-             : linearise<K>(robot, pose, at.q_e, at.H_x, at.H_xi.data()));
+Readings read_at(bool full, const Robot& robot, const Pose& pose) {
+  Readings at;
+  at.H_xi.resize((dof(K) + robot.r) * parameter_count(robot));
+  CHECK(full ? linearise_full(robot, pose, at.q_e, at.H_x, at.H_xi.data())
+             : linearise(robot, pose, at.q_e, at.H_x, at.H_xi.data()));
   return at;
 }
 
@@ -163,7 +161,7 @@ Readings<K> read_at(bool full, const Robot& robot, const Pose& pose) {
 /// and eccentricities their own (chain 0 has neither), and as many of its sensors as fit.
 template <class F>
 void for_each_with_sensors(F&& f) {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
+  for_each([&](const Mechanism& mechanism) {
     Robot robot = mechanism.robot;
     const bool full = robot.full.kind == FullKind::same || robot.full.own();
     for (int i = 0; i < dof(mobility()); ++i) {
@@ -188,8 +186,8 @@ void for_each_with_sensors(F&& f) {
       for (std::size_t k = first; k < all.size() && robot.r < most; ++k)
         robot.sensor[robot.r++] = all[k];
       CHECK(finish(robot));
-      f(false, mechanism, robot, mobility);
-      if (full) f(true, mechanism, robot, mobility);
+      f(false, mechanism, robot);
+      if (full) f(true, mechanism, robot);
     }
   });
 }
@@ -206,19 +204,19 @@ Extended derivative(const std::function<Extended(double)>& f) {
 
 TEST("H_x is the derivative of every reading along the free twist, the motors following") {
   for_each_with_sensors(
-      [](bool full, const Mechanism& mechanism, const Robot& robot, auto mobility) {
-        constexpr Mobility K = mobility();
+      [](bool full, const Mechanism& mechanism, const Robot& robot) {
+        const Mobility K = mechanism.robot.mobility;
         check::Random random(51);
         for (int sample = 0; sample < 20; ++sample) {
-          const Pose pose = to_pose<K>(random_pose(mechanism, random));
-          const auto at = read_at<K>(full, robot, pose);
-          for (int j = 0; j < kDof<K>; ++j) {
+          const Pose pose = to_pose(K, random_pose(mechanism, random));
+          const auto at = read_at(full, robot, pose);
+          for (int j = 0; j < dof(K); ++j) {
             const Extended slope = derivative([&](double h) {
               Joint step{};
               step[j] = h;
-              return read_at<K>(full, robot, moved<K>(pose, step)).q_e;
+              return read_at(full, robot, moved(K, pose, step)).q_e;
             });
-            for (int k = 0; k < kDof<K> + robot.r; ++k)
+            for (int k = 0; k < dof(K) + robot.r; ++k)
               CHECK_NEAR(at.H_x[k][j], slope[k], 1e-8 * (1 + std::fabs(slope[k])));
           }
         }
@@ -227,14 +225,14 @@ TEST("H_x is the derivative of every reading along the free twist, the motors fo
 
 TEST("every reading's derivative along every parameter is that of its finite differences") {
   for_each_with_sensors(
-      [](bool full, const Mechanism& mechanism, const Robot& robot, auto mobility) {
-        constexpr Mobility K = mobility();
-        constexpr int n = kDof<K>;
+      [](bool full, const Mechanism& mechanism, const Robot& robot) {
+        const Mobility K = mechanism.robot.mobility;
+        const int n = dof(K);
         check::Random random(52);
         const int width = parameter_count(robot);
         for (int sample = 0; sample < 5; ++sample) {
-          const Pose pose = to_pose<K>(random_pose(mechanism, random));
-          const auto at = read_at<K>(full, robot, pose);
+          const Pose pose = to_pose(K, random_pose(mechanism, random));
+          const auto at = read_at(full, robot, pose);
           const auto compare = [&](int column, const Extended& slope) {
             for (int k = 0; k < n + robot.r; ++k)
               CHECK_NEAR(at.H_xi[k * width + column], slope[k], 1e-7);
@@ -243,7 +241,7 @@ TEST("every reading's derivative along every parameter is that of its finite dif
             return derivative([&](double h) {
               Robot other = robot;
               change(other, index, parameter, h);
-              return read_at<K>(full, other, pose).q_e;
+              return read_at(full, other, pose).q_e;
             });
           };
           for (int i = 0; i < n; ++i)
@@ -254,8 +252,8 @@ TEST("every reading's derivative along every parameter is that of its finite dif
                       Robot other = robot;
                       for (int i = 0; i < n; ++i)
                         if (robot.chain[i].bar == bar)
-                          other.chain[i].pivot() += h * robot.chain[i].pivot().normalized();
-                      return read_at<K>(full, other, pose).q_e;
+                          other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
+                      return read_at(full, other, pose).q_e;
                     }));
           for (int k = 0; k < robot.r; ++k)
             for (int p = 0; p < kSensorParameters; ++p)
@@ -268,13 +266,13 @@ TEST("a kind's reading depends on the vectors of its mounting, on each of them, 
   for (const SensorProperties& row : kSensorTable) {
     check::state().scene = row.name;
     std::array<bool, 4> moves{};
-    for_each_with_sensors([&](bool, const Mechanism& mechanism, const Robot& robot, auto mobility) {
-      constexpr Mobility K = mobility();
-      const auto at = read_at<K>(false, robot, to_pose<K>(mechanism.robot.home));
+    for_each_with_sensors([&](bool, const Mechanism& mechanism, const Robot& robot) {
+      const Mobility K = mechanism.robot.mobility;
+      const auto at = read_at(false, robot, to_pose(K, mechanism.robot.home));
       for (int k = 0; k < robot.r; ++k) {
         if (robot.sensor[k].kind != row.kind || robot.sensor[k].at_nacelle) continue;
         const double* own =
-            at.H_xi.data() + (kDof<K> + k) * parameter_count(robot) + sensor_column(robot, k);
+            at.H_xi.data() + (dof(K) + k) * parameter_count(robot) + sensor_column(robot, k);
         const int first = static_cast<int>(SensorParameter::origin_x);
         for (int entry = 0; entry < 12; ++entry)
           if (own[first + entry] != 0) moves[entry / 3] = true;

@@ -15,21 +15,21 @@ TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and e
     double strayed = 0;
     Sample last{};
     Prior prior(robot);
-    CHECK(Loop<K>(robot, robot, settings_for(robot, law), robot.home, run.seed,
+    CHECK(Loop(robot, robot, settings_for(robot, law), robot.home, run.seed,
                   Extras{prior.weighing()})
               .move(run, [&](const Sample& sample) {
                 strayed =
-                    std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
+                    std::max(strayed, distance(K, to_pose(K, sample.x), to_pose(K, sample.x_d)));
                 last = sample;
               }));
     CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
-    CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
+    CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, to)), 0, 1e-6);
   }
 }
 
 TEST("a run begins however long the brakes of its safety shell take to open") {
   constexpr Mobility K = Mobility::schoenflies;
-  const Robot robot = limited_robot<K>(h4());
+  const Robot robot = limited_robot(h4());
   const ControlSettings settings = settings_for(robot, Law::joint);
   Safety safety;
   CHECK(default_limits(robot, settings, safety.limits));
@@ -38,7 +38,7 @@ TEST("a run begins however long the brakes of its safety shell take to open") {
   extras.safety = &safety;
   const Run run{robot.home, robot.home, 0.1, 0, 2};
   std::size_t rows = 0;
-  CHECK(Loop<K>(robot, robot, settings, robot.home, run.seed, extras).move(run, [&](const Sample&) {
+  CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras).move(run, [&](const Sample&) {
     ++rows;
   }));
   CHECK(rows == 101);
@@ -58,7 +58,7 @@ double contouring(const ControlSettings& settings) {
     return Setpoint{{kRadius * c, kRadius * s, -0.42, 0}, {-v * s, v * c}, {-a * c, -a * s}};
   };
   Prior prior(robot);
-  Loop<K> loop(robot, robot, settings, circle(0).x, 0, Extras{prior.weighing()});
+  Loop loop(robot, robot, settings, circle(0).x, 0, Extras{prior.weighing()});
   double largest = 0;
   CHECK(loop.follow(1500, 2, circle, [&](const Sample& sample) {
     const double out = std::hypot(sample.x[0], sample.x[1]) - kRadius;

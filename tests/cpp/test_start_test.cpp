@@ -21,10 +21,10 @@ std::vector<Miswiring> miswirings(const Robot& robot, bool incremental) {
 }  // namespace
 
 TEST("healthy robots of every kind pass and move by less than a millimetre") {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    const Robot robot = limited_robot<mobility()>(mechanism);
+  for_each([&](const Mechanism& mechanism) {
+    const Robot robot = limited_robot(mechanism);
     for (const Truth& real : {Truth{1, 1}, {0.7, 0.3}, {0.7, 3}, {1.3, 0.3}, {1.3, 3}}) {
-      StartBench<mobility()> bench(robot, real);
+      StartBench bench(robot, real);
       bench.run();
       CHECK(bench.passed());
       CHECK(bench.moved > 1e-5 && bench.moved < 1e-3);
@@ -33,9 +33,9 @@ TEST("healthy robots of every kind pass and move by less than a millimetre") {
 }
 
 TEST_EACH(for_each, "weak motors, whose pushes deflect the brakes, pass: no brake seems to slip") {
-  Robot robot = limited_robot<K>(mechanism);
+  Robot robot = limited_robot(mechanism);
   for (int i = 0; i < robot.motors; ++i) robot.chain[i].torque_limit /= 4;
-  StartBench<K> bench(robot);
+  StartBench bench(robot);
   bench.run();
   CHECK(bench.passed() && bench.moved < 1e-3);
 }

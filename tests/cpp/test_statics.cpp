@@ -10,10 +10,9 @@ using namespace mechanisms;
 namespace {
 
 /// The robot as built: some rods and arms longer or shorter than drawn.
-template <Mobility K>
 Robot built(const Robot& nominal, check::Random& random) {
   Robot truth = nominal;
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(K); ++i) {
     truth.chain[i].rod += 1e-3 * random();
     truth.chain[i].arm += 3e-4 * random();
     truth.chain[i].encoder_offset += 1e-3 * random();
@@ -29,21 +28,21 @@ TEST_EACH(for_each,
   for (const bool gravity : {false, true}) {
     Robot nominal = mechanism.robot;
     if (!gravity) nominal.gravity = Vec3::Zero();
-    const Robot truth = built<K>(nominal, random);
+    const Robot truth = built(nominal, random);
     const Joint to = random_pose(mechanism, random, 0.5);
     for (const Law law : kLaws) {
       const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
       const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
       Joint start{}, end{};
       Prior prior(nominal);
-      CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
-      CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
+      CHECK(settle(nominal, truth, settings, nominal.home, start, prior.weighing()));
+      CHECK(settle(nominal, truth, settings, to, end, prior.weighing()));
       Sample last{};
-      CHECK(Loop<K>(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
+      CHECK(Loop(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
                 .move(Run{nominal.home, to, 0.2, 0.6, 2},
                       [&](const Sample& sample) { last = sample; }));
-      CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
-      CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
+      CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, end)), 0, 1e-9);
+      CHECK(distance(K, to_pose(K, end), to_pose(K, to)) > 1e-5);  // the errors do show
     }
   }
 }
@@ -58,17 +57,17 @@ TEST_EACH(
   Prior prior(robot);
   for (const Law law : kLaws) {
     ExtendedRows leak;
-    CHECK(leakage<K>(robot, law, x, leak, prior.weighing()));
+    CHECK(leakage(robot, law, x, leak, prior.weighing()));
     for (int c = 0; c < n + robot.r; ++c) {
       Pose rest[2];
       for (const double side : {-1.0, 1.0}) {
         Robot read = robot;  // reading = position - offset
         (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
         Joint end{};
-        CHECK(settle<K>(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
-        rest[side > 0] = to_pose<K>(end);
+        CHECK(settle(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
+        rest[side > 0] = to_pose(K, end);
       }
-      const Joint change = difference<K>(rest[1], rest[0]);
+      const Joint change = difference(K, rest[1], rest[0]);
       for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
     }
   }
@@ -83,16 +82,16 @@ TEST("a robot rests under its weight also where gravity holds it more stiffly th
     settings.gains = gains;
     CHECK(place_poles(robot, robot.home, 8, 1, settings));
     settings.feed_forward = FeedForward::gravity;
-    const Robot truth = built<K>(robot, random);
+    const Robot truth = built(robot, random);
     Joint x{}, load{};
-    CHECK(settle<K>(robot, truth, {settings, true}, robot.home, x));
+    CHECK(settle(robot, truth, {settings, true}, robot.home, x));
     Extended q_e{};
-    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+    CHECK(extended(truth, to_pose(K, x), q_e));
     Setpoint at_home;
     at_home.x = robot.home;
     ControlState state;
     CHECK(control(robot, settings, at_home, q_e, state));
-    CHECK(inverse_dynamics<K>(truth, to_pose<K>(x), Joint{}, Joint{}, load));
+    CHECK(inverse_dynamics(truth, to_pose(K, x), Joint{}, Joint{}, load));
     for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], load[i], 1e-9);
   }
 }

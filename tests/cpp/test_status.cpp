@@ -18,8 +18,8 @@ void check_honest(bool ok, const Joint& values, int n) { CHECK(!ok || all_finite
 }  // namespace
 
 TEST("a pose out of reach is unreachable, and the chain is named") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each([](const Mechanism& mechanism) {
+    const Mobility K = mechanism.robot.mobility;
     Joint x = mechanism.robot.home, q{};
     x[1] += 5;
     const Outcome outcome = ikm(mechanism.robot, x, q);
@@ -27,7 +27,7 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
       CHECK(outcome);  // a telescopic leg is as long as it has to be
     } else {
       CHECK(outcome.status == Status::unreachable);
-      CHECK(outcome.chain >= 0 && outcome.chain < kDof<K>);
+      CHECK(outcome.chain >= 0 && outcome.chain < dof(K));
     }
   });
   Robot robot = h4().robot;  // chain 2 alone is too short
@@ -39,7 +39,7 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
 
 TEST("motor positions that no pose holds are unreachable, by Newton and in closed form") {
   Robot robot = h4().robot;
-  robot.chain[1].base().x() = -3;
+  robot.chain[1].base.x() = -3;
   Joint q{0.5, 0.5, 0.5, 0.5}, x = robot.home;
   CHECK(fkm(robot, q, x).status == Status::unreachable);
   Vec3 D;
@@ -65,9 +65,9 @@ TEST_EACH(for_each, "a telescopic leg has no negative and no zero length") {
 TEST("a stretched arm is singular of the first type, and the chain is named") {
   // At q_1 = 0 the arm points outwards; the rod in its continuation stretches chain 0.
   Robot robot = h4().robot;
-  const Pose pose = to_pose<Mobility::schoenflies>(robot.home);
-  const Vec3 A = pose.D + robot.chain[0].pivot() + robot.chain[0].anchor();
-  const double reach = (A - robot.chain[0].base()).norm();
+  const Pose pose = to_pose(Mobility::schoenflies, robot.home);
+  const Vec3 A = pose.D + robot.chain[0].pivot + robot.chain[0].anchor;
+  const double reach = (A - robot.chain[0].base).norm();
   robot.chain[0].rod = reach - robot.chain[0].arm;
   JointMatrix J{};
   Outcome outcome = jacobian(robot, robot.home, J);
@@ -117,8 +117,8 @@ TEST("another assembly mode is a lost branch, not an answer") {
   x = bar.home;
   x[1] = -0.4;
   constexpr Mobility K = Mobility::planar_translation;
-  Pose found = to_pose<K>(x);
-  CHECK(search<K>(bar, q, found).status == Status::branch_lost);
+  Pose found = to_pose(K, x);
+  CHECK(search(bar, q, found).status == Status::branch_lost);
 }
 
 TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the chain is named") {
@@ -149,9 +149,9 @@ TEST_EACH(for_each, "a number that is not finite is told from one that is out of
       q[i] = bad;
       const FkmResult result = fkm(robot, q, x);
       CHECK(result.status == Status::not_finite && result.chain == i);
-      if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
+      if (K == Mobility::schoenflies || K == Mobility::translation) {
         Vec3 D;
-        CHECK(!fkm_closed<K>(robot, q, Mat3::Identity(), to_pose<K>(robot.home).D, D));
+        CHECK(!fkm_closed(robot, q, Mat3::Identity(), to_pose(K, robot.home).D, D));
       }
     }
 }
@@ -237,7 +237,7 @@ TEST("a telemeter along its own plane reads nothing, and no function calls that 
   ExtendedRows M_plus;
   CHECK(tej(robot, robot.home, M, M_plus).status == Status::not_finite);
   Extended q_e{};
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e)
+  CHECK(extended<Mobility::schoenflies>(robot, to_pose(Mobility::schoenflies, robot.home), q_e)
             .status == Status::not_finite);
 }
 

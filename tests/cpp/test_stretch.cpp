@@ -8,12 +8,12 @@ using namespace mechanisms;
 
 namespace {
 
-/// Calls f(mechanism, robot, full, mobility) at every level that a mechanism has: encoders of their
+/// Calls f(mechanism, robot, full) at every level that a mechanism has: encoders of their
 /// own, both sensors in use; where its rods are a pair, one longer than the other; bodies on bars;
 /// heavy rods, and a base that is mounted askew.
 template <class F>
 void for_each_level(F&& f) {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
+  for_each([&](const Mechanism& mechanism) {
     Robot robot = mechanism.robot;
     robot.r = 2;
     for (int i = 0; i < dof(mobility()); ++i) {
@@ -23,14 +23,14 @@ void for_each_level(F&& f) {
       if (robot.full.kind == FullKind::exists) robot.chain[i].rod_difference = 2e-5 * (i + 1);
     }
     for (int i = 0; i < dof(mobility()); ++i) robot.chain[i].rod_mass *= 10;
-    robot.gravity() += Vec3(2, 1, 0);
+    robot.gravity += Vec3(2, 1, 0);
     for (int k = 1; k < robot.bodies; ++k) {
       robot.body[k].bar = robot.chain[k == 1 ? 0 : 1].bar;
       robot.body[k].anchor = Vec3(0.02, 0.03 * k, 0.01);
     }
     CHECK(finish(robot) && finish_full(robot));
-    f(mechanism, robot, false, mobility);
-    if (robot.full.own()) f(mechanism, robot, true, mobility);
+    f(mechanism, robot, false);
+    if (robot.full.own()) f(mechanism, robot, true);
   });
 }
 
@@ -41,32 +41,31 @@ double work(const Robot& robot, const Load& load, const Pose& pose,
   double sum = load.force.dot(pose.D);
   for (int k = 0; k < robot.bodies; ++k) {
     const Body& body = robot.body[k];
-    Vec3 at = pose.D + pose.R * body.pivot();
+    Vec3 at = pose.D + pose.R * body.pivot;
     if (full)
-      at += (body.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(psi[body.bar]))) * body.anchor();
-    sum += body.mass * robot.gravity().dot(at);
+      at += (body.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(psi[body.bar]))) * body.anchor;
+    sum += body.mass * robot.gravity.dot(at);
   }
   for (int i = 0; i < dof(robot.mobility); ++i)
-    sum += 0.5 * robot.chain[i].rod_mass * robot.gravity().dot(pose.D + lever(i));
+    sum += 0.5 * robot.chain[i].rod_mass * robot.gravity.dot(pose.D + lever(i));
   return sum;
 }
 
 /// The same where the motors stand at q, near a pose.
-template <Mobility K>
 double work_at(const Robot& robot, const Load& load, bool full, const Joint& q, const Pose& near) {
-  if constexpr (kRodByRod<K>) {
+  if (paired(K)) {
     if (full) {
       FullPose pose = to_full(near);
-      FullClosure<K> at;
-      CHECK(fkm_full<K>(robot, q, pose, at));
+      FullClosure at;
+      CHECK(fkm_full(robot, q, pose, at));
       return work(robot, load, at.pose, at.pose.psi, true,
                   [&](int i) { return Vec3(0.5 * (at.lever[2 * i] + at.lever[2 * i + 1])); });
     }
   }
   Pose pose = near;
-  CHECK(fkm<K>(robot, q, pose));
-  Closure<K> at;
-  CHECK(ikm<K>(robot, pose, at));
+  CHECK(fkm(robot, q, pose));
+  Closure at;
+  CHECK(ikm(robot, pose, at));
   return work(robot, load, at.pose, {}, false, [&](int i) { return at.chain[i].lever; });
 }
 
@@ -79,25 +78,25 @@ Load some_load() {
 }  // namespace
 
 TEST("a rod's tension is the work that what hangs on the nacelle does when it becomes longer") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+    const Mobility K = mechanism.robot.mobility;
     constexpr double kLonger = 1e-5;
     check::Random random(81);
     for (int sample = 0; sample < 5; ++sample) {
       const Coordinates x = random_pose(mechanism, random, 0.8);
-      const Pose pose = to_pose<K>(x);
+      const Pose pose = to_pose(K, x);
       const Load load = some_load();
       Pull by;
       CHECK(pull(robot, pose, full, load, by));
       Joint q{};
       CHECK(full ? ikm_full(robot, x, q) : ikm(robot, x, q));
-      for (int i = 0; i < kDof<K>; ++i) {
+      for (int i = 0; i < dof(K); ++i) {
         const auto slope = [&](auto&& change) {
           double at[2];
           for (const int side : {0, 1}) {
             Robot other = robot;
             change(other.chain[i], side ? kLonger : -kLonger);
-            at[side] = work_at<K>(other, load, full, q, pose);
+            at[side] = work_at(other, load, full, q, pose);
           }
           return (at[1] - at[0]) / (2 * kLonger);
         };
@@ -121,8 +120,8 @@ TEST("a rod's tension is the work that what hangs on the nacelle does when it be
 }
 
 TEST("an arm turns by its compliance times the torque at which its motor holds the load") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+    const Mobility K = mechanism.robot.mobility;
     const Kernels model = kernels(robot.mobility, full);
     std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
     check::Random random(84);
@@ -131,13 +130,13 @@ TEST("an arm turns by its compliance times the torque at which its motor holds t
     for (int i = 0; i < model.n; ++i) level.chain[i].rod_difference = 0;
     CHECK(finish(level) && finish_full(level));
     for (int sample = 0; sample < 5; ++sample) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+      const Pose pose = to_pose(K, random_pose(mechanism, random, 0.8));
       Joint arms{}, torque{};
       arms.fill(1e-5);
       UnderLoad stiff, soft;
       CHECK(under_load(level, model, full, pose, {}, {}, {}, H_xi.data(), stiff));
       CHECK(under_load(level, model, full, pose, {}, arms, {}, H_xi.data(), soft));
-      CHECK(hold<K>(level, pose, torque));
+      CHECK(hold(level, pose, torque));
       for (int i = 0; i < model.n; ++i) {
         const bool arm = level.chain[i].actuator == Actuator::revolute;
         const double turns = arm ? level.chain[i].encoder_gain * torque[i] : 0;
@@ -152,13 +151,13 @@ TEST("an arm turns by its compliance times the torque at which its motor holds t
 }
 
 TEST("what carries nothing, or is stiff, stays as long as it is") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+    const Mobility K = mechanism.robot.mobility;
     const Kernels model = kernels(robot.mobility, full);
     std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
-    const Pose pose = to_pose<K>(mechanism.robot.home);
+    const Pose pose = to_pose(K, mechanism.robot.home);
     Robot weightless = robot;
-    weightless.gravity() = Vec3::Zero();
+    weightless.gravity = Vec3::Zero();
     Extended q_e;
     PoseRows H_x;
     Parasitic rest;
@@ -175,19 +174,19 @@ TEST("what carries nothing, or is stiff, stays as long as it is") {
 }
 
 TEST("two rods share what is measured of their tension beyond what the load explains") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+    const Mobility K = mechanism.robot.mobility;
     check::Random random(83);
-    const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+    const Pose pose = to_pose(K, random_pose(mechanism, random, 0.8));
     Load load = some_load();
     Pull computed, measured;
     measured.difference.fill(1);
     CHECK(pull(robot, pose, full, load, computed));
-    for (int i = 0; i < kDof<K>; ++i) load.tension[i] = computed.tension[i] + 10 * (i + 1);
+    for (int i = 0; i < dof(K); ++i) load.tension[i] = computed.tension[i] + 10 * (i + 1);
     CHECK(pull(robot, pose, full, load, measured));
-    Closure<K> at;
-    CHECK(ikm<K>(robot, pose, at));
-    for (int i = 0; i < kDof<K>; ++i) {
+    Closure at;
+    CHECK(ikm(robot, pose, at));
+    for (int i = 0; i < dof(K); ++i) {
       const double more = 10 * (i + 1);
       const Chain& chain = robot.chain[i];
       const bool leg = chain.actuator == Actuator::telescopic;
@@ -203,16 +202,16 @@ TEST("two rods share what is measured of their tension beyond what the load expl
 }
 
 TEST("rods that hold nothing along a freedom have no tension") {
-  for_each_level([](const Mechanism&, const Robot& robot, bool full, auto mobility) {
-    constexpr Mobility K = mobility();
+  for_each_level([](const Mechanism&, const Robot& robot, bool full) {
+    const Mobility K = robot.mobility;
     Pull by;
     Robot other = robot;
     other.finished = false;
-    const Pose pose = to_pose<K>(robot.home);
+    const Pose pose = to_pose(K, robot.home);
     const Outcome unfinished = pull(other, pose, full, some_load(), by);
     CHECK(unfinished.status == Status::unfinished && unfinished.chain == -1);
     other = robot;
-    for (int i = 0; i < kDof<K>; ++i) other.chain[i] = robot.chain[0];
+    for (int i = 0; i < dof(K); ++i) other.chain[i] = robot.chain[0];
     const Outcome outcome = pull(other, pose, full, some_load(), by);
     CHECK(full ? !outcome : outcome.status == Status::singular && outcome.chain == -1);
   });

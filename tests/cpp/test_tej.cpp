@@ -14,16 +14,15 @@ using reference::Dense;
 struct Explicit {
   Dense M, M_plus;
 };
-template <Mobility K>
 Explicit by_definition(const Robot& robot, const Joint& x) {
-  constexpr int n = kDof<K>;
+  const int n = dof(K);
   JointMatrix J{};
   CHECK(jacobian(robot, x, J));
   Reading values;
-  Matrix<kMaxSensors, kDof<K>> jr;
-  Closure<K> closure;
-  CHECK(ikm<K>(robot, to_pose<K>(x), closure));
-  CHECK(rkm<K>(robot, closure, values, jr));
+  SensorRows jr;
+  Closure closure;
+  CHECK(ikm(robot, to_pose(K, x), closure));
+  CHECK(rkm(robot, closure, values, jr));
   Explicit result;
   result.M = Dense::Zero(n + robot.r, n);
   result.M.topRows(n).setIdentity();
@@ -52,7 +51,7 @@ TEST_EACH(for_each, "TEJ·M = I and TEJ = (MᵀWM)⁻¹MᵀW, for no, one and tw
         ExtendedColumns M;
         ExtendedRows tej_;
         CHECK(tej(robot, x, M, tej_));
-        const Explicit expected = by_definition<K>(robot, x);
+        const Explicit expected = by_definition(robot, x);
         for (int i = 0; i < n; ++i)
           for (int j = 0; j < n; ++j) {
             double product = 0;

@@ -12,7 +12,6 @@ constexpr int kMemory = 100;          ///< cycles
 constexpr int kSlow = 320 * kMemory;  ///< within a memory no robot's readings see the growth
 
 /// A robot that grows on its way, and a monitor with the model of the cold robot.
-template <Mobility K>
 class Growing {
  public:
   explicit Growing(const Mechanism& mechanism) : cold_(mechanism.robot), grown_(cold_) {
@@ -31,7 +30,7 @@ class Growing {
   /// One cycle. @param share  growth of base and arms over kGrowth @return whether it is healthy
   bool cycle(double share) {
     Coordinates x = cold_.home;
-    for (int i = 0; i < kDof<K>; ++i) x[i] += 0.02 * std::sin(0.002 * cycle_ * (3 + i));
+    for (int i = 0; i < dof(K); ++i) x[i] += 0.02 * std::sin(0.002 * cycle_ * (3 + i));
     ++cycle_;
     CHECK(drawn_parameters(cold_, xi_.data()));
     for (int i = 0; i < cold_.chains; ++i)
@@ -39,9 +38,9 @@ class Growing {
         xi_[static_cast<std::size_t>(chain_column(i) + k)] *= 1 + share * kGrowth;
     CHECK(set_parameters(cold_, xi_.data(), grown_));
     Extended q_e{}, believed{};
-    CHECK(extended<K>(grown_, to_pose<K>(x), q_e));
-    const Joint desired = motors_of<K>(q_e);
-    return monitor_faults<K>(cold_, settings, {&known_, work_.data()}, desired, q_e, seen, believed)
+    CHECK(extended(grown_, to_pose(K, x), q_e));
+    const Joint desired = motors_of(q_e);
+    return monitor_faults(cold_, settings, {&known_, work_.data()}, desired, q_e, seen, believed)
                .status == Status::ok;
   }
   /// Grows from one share to another. @return whether it is healthy all the while
@@ -64,8 +63,8 @@ class Growing {
 
 TEST("slow growth is a warm-up; the same growth at once, or more of it, is a fault") {
   int grown = 0;
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    Growing<mobility()> blind(mechanism), slow(mechanism), fast(mechanism), large(mechanism);
+  for_each([&](const Mechanism& mechanism) {
+    Growing blind(mechanism), slow(mechanism), fast(mechanism), large(mechanism);
     blind.settings.growth.fill(0);
     if (blind.grows(0, 0.9, kSlow)) return;  // this robot's sensors do not see it
     ++grown;
@@ -84,6 +83,6 @@ TEST("slow growth is a warm-up; the same growth at once, or more of it, is a fau
 }
 
 TEST_EACH(for_each, "a robot that is switched on warm is warm, and healthy") {
-  Growing<K> robot(mechanism);
+  Growing robot(mechanism);
   CHECK(robot.grows(0.9, 0.9, kSlow));
 }

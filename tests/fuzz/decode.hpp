@@ -137,7 +137,7 @@ inline Subject decode_robot(Bytes& bytes) {
   for (int i = 0; i < n; ++i) {  // built a few per cent off
     Chain& chain = robot.chain[i];
     for (double* length : {&chain.arm, &chain.rod}) *length *= 1 + 0.1 * bytes.share();
-    chain.base() += 0.05 * Vec3(bytes.share(), bytes.share(), 0);
+    chain.base += 0.05 * Vec3(bytes.share(), bytes.share(), 0);
     chain.rod_difference = 1e-3 * bytes.share();
   }
   if (bytes.one_in(3)) {

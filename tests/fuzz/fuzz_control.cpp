@@ -25,8 +25,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       for (double& value : *gain) value = bytes.number();
   }
   with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
+    const Mobility K = robot.mobility;
+    const int n = dof(K);
     mechanisms::Prior prior(robot);
     Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
     CachedGain kept;
@@ -40,7 +40,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (bytes.one_in(2))
         for (int i = 0; i < n; ++i) setpoint.acceleration[i] = bytes.number();
       Extended q_e{};
-      if (!extended<K>(robot, to_pose<K>(decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
+      if (!extended(robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
         for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
       if (bytes.one_in(3)) settings.law = static_cast<Law>(bytes.below(5));
       const ControlState before = state;
@@ -54,14 +54,14 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                   all_finite(state.desired, n),
               "control: the tracking loops are finite");
       Joint acceleration{};
-      if (forward_dynamics<K>(robot, to_pose<K>(setpoint.x), setpoint.rate, state.torque,
+      if (forward_dynamics(robot, to_pose(K, setpoint.x), setpoint.rate, state.torque,
                               acceleration))
         require(all_finite(acceleration, n), "dynamics: ok is finite");
     }
     Robot truth = robot;
     for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
     Joint x{};
-    if (settle<K>(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x,
+    if (settle(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x,
                   weighing))
       require(all_finite(x, n), "settle: ok is finite");
   });

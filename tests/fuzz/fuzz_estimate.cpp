@@ -9,32 +9,31 @@ namespace {
 using namespace fuzz;
 
 /// Readings of a pose, perhaps with one spoilt, or any numbers.
-template <Mobility K>
 Extended decode_readings(Bytes& bytes, const Subject& subject) {
-  const int rows = kDof<K> + subject.robot.r;
+  const int rows = dof(K) + subject.robot.r;
   Extended q_e{};
-  if (!extended<K>(subject.robot, to_pose<K>(decode_pose(bytes, subject)), q_e) || bytes.one_in(6))
+  if (!extended(subject.robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(6))
     for (int c = 0; c < rows; ++c) q_e[c] = bytes.number();
   if (bytes.one_in(4)) q_e[bytes.below(rows)] = bytes.number();
   return q_e;
 }
 
-template <Mobility K, class Level>
+template <class Level>
 void check_estimate(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
-  const Extended q_e = decode_readings<K>(bytes, subject);
-  Pose pose = to_pose<K>(decode_pose(bytes, subject));
-  const Estimate<K> result =
-      estimate<K, Level>(subject.robot, prior.known(), q_e, pose, prior.weighing().work);
+  const Extended q_e = decode_readings(bytes, subject);
+  Pose pose = to_pose(K, decode_pose(bytes, subject));
+  const Estimate result =
+      estimate<Level>(subject.robot, prior.known(), q_e, pose, prior.weighing().work);
   require(result.iterations <= kEstimateIterations + 1, "estimate: iterations are bounded");
   if (!result) return;
   require(pose.D.allFinite() && pose.R.allFinite(), "estimate: ok is finite");
-  require(finite(result.covariance, kDof<K>, kDof<K>), "estimate: the covariance is finite");
-  for (int i = 0; i < kDof<K>; ++i)
+  require(finite(result.covariance, dof(K), dof(K)), "estimate: the covariance is finite");
+  for (int i = 0; i < dof(K); ++i)
     require(result.covariance[i][i] >= 0, "estimate: no variance is negative");
   require(result.chi2 >= 0 && std::isfinite(result.chi2), "estimate: χ² is a number from 0 up");
 }
 
-template <Mobility K, class Level>
+template <class Level>
 void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
   OnlineCalibrator learner = prior.learner(subject.robot);
   if (bytes.one_in(2)) learner.settings.gate = std::fabs(bytes.number());
@@ -49,7 +48,7 @@ void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prio
                               root = all(learner.state.root, p * p);
     const long lines = learner.lines;
     const bool gave_up = learner.state.doubt.stopped;
-    const Outcome outcome = calibrate_online<K, Level>(learner, decode_readings<K>(bytes, subject));
+    const Outcome outcome = calibrate_online<Level>(learner, decode_readings(bytes, subject));
     // It learns from a line less the reading that it blames; where it gives up, it goes back.
     const bool blames = outcome.status == Status::disagree && outcome.chain >= 0;
     const bool gives_up = learner.state.doubt.stopped != gave_up;
@@ -61,12 +60,12 @@ void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prio
   }
 }
 
-template <Mobility K, class Level>
+template <class Level>
 void check_level(Bytes& bytes, const Subject& subject) {
   mechanisms::Prior prior(subject.robot);
   if (bytes.one_in(4)) prior.known().sigma[bytes.below(kMaxReadings)] = bytes.number();
-  check_estimate<K, Level>(bytes, subject, prior);
-  check_learner<K, Level>(bytes, subject, prior);
+  check_estimate<Level>(bytes, subject, prior);
+  check_learner<Level>(bytes, subject, prior);
 }
 
 }  // namespace
@@ -76,10 +75,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool full = bytes.one_in(2);
   const Subject subject = decode_robot(bytes);
   with_mobility(subject.robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    if constexpr (kPaired<K>)
-      if (full) return check_level<K, FullModel>(bytes, subject);
-    check_level<K, IdealModel>(bytes, subject);
+    const Mobility K = robot.mobility;
+    if (paired(K))
+      if (full) return check_level<FullModel>(bytes, subject);
+    check_level<IdealModel>(bytes, subject);
   });
   return 0;
 }

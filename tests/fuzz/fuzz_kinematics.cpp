@@ -10,18 +10,17 @@ namespace {
 using namespace fuzz;
 
 /// The motors of a pose that the forward model found are those it was given.
-template <Mobility K>
 void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
-  const Pose pose = to_pose<K>(x);
-  Closure<K> closure;
-  const Outcome outcome = ikm<K>(robot, pose, closure);
-  for (int i = 0; i < kDof<K>; ++i) {
+  const Pose pose = to_pose(K, x);
+  Closure closure;
+  const Outcome outcome = ikm(robot, pose, closure);
+  for (int i = 0; i < dof(K); ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
-    const Vec3 lever = turned<K>(pose.R, chain.pivot());
-    const Vec3 v = chain.base() + driven.p - pose.D - lever - chain.anchor();
-    const double size = chain.base().norm() + driven.p.norm() + pose.D.norm() + lever.norm() +
-                        chain.anchor().norm() + driven.rod;
+    const Vec3 lever = turned(pose.R, chain.pivot);
+    const Vec3 v = chain.base + driven.p - pose.D - lever - chain.anchor;
+    const double size = chain.base.norm() + driven.p.norm() + pose.D.norm() + lever.norm() +
+                        chain.anchor.norm() + driven.rod;
     require(std::fabs(v.norm() - driven.rod) < 1e-11 * size, "a pose that fkm found is closed");
     if (!outcome) continue;
     // B, not q, whose turns are free. Where an arm is stretched it is a root of the closure error.
@@ -35,9 +34,8 @@ void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
   require(outcome || outcome.status == Status::unreachable, "a pose that fkm found is a pose");
 }
 
-template <Mobility K>
 void check_pose(const Robot& robot, const Joint& x, double band) {
-  constexpr int n = kDof<K>;
+  const int n = dof(K);
   Joint q{};
   if (ikm(robot, x, q)) require(all_finite(q, n), "ikm: ok is finite");
   if (command(robot, x, q)) require(all_finite(q, n), "command: ok is finite");
@@ -54,19 +52,19 @@ void check_pose(const Robot& robot, const Joint& x, double band) {
   if (conditioning(robot, x, parallel, serial))
     require(parallel >= 0 && parallel < 1 + 1e-9 && all_finite(serial, n),
             "conditioning: ok is from 0 to 1");
-  Closure<K> closure;
-  Jacobians<K> jacobians;
+  Closure closure;
+  Jacobians jacobians;
   Reading values;
-  Matrix<kMaxSensors, kDof<K>> jr;
-  if (!ikm<K>(robot, to_pose<K>(x), closure) || !jacobian<K>(closure, jacobians) ||
-      !rkm<K>(robot, closure, values, jr))
+  SensorRows jr;
+  if (!ikm(robot, to_pose(K, x), closure) || !jacobian(closure, jacobians) ||
+      !rkm(robot, closure, values, jr))
     return;
   require(all_finite(values, robot.r), "rkm: ok is finite");
   require(finite(jr, robot.r, n), "rkm: J_r is finite");
   std::vector<double> H_xi((n + robot.r) * parameter_count(robot));
   Extended q_e;
-  Matrix<kMaxReadings, n> H_x;
-  if (!linearise<K>(robot, to_pose<K>(x), q_e, H_x, H_xi.data())) return;
+  PoseRows H_x;
+  if (!linearise(robot, to_pose(K, x), q_e, H_x, H_xi.data())) return;
   require(all_finite(q_e, n + robot.r) && finite(H_x, n + robot.r, n), "linearise: H_x is finite");
   require(all_finite(H_xi, static_cast<int>(H_xi.size())), "linearise: H_ξ is finite");
 }
@@ -84,17 +82,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (int k = 0; k < robot.r; ++k) q_e[dof(robot.mobility) + k] = bytes.number();
   std::copy_n(q.begin(), dof(robot.mobility), q_e.begin());
   with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    check_pose<K>(robot, x, band);
+    const Mobility K = robot.mobility;
+    check_pose(robot, x, band);
     const FkmResult result = fkm(robot, q, found);
     require(result.iterations <= 2 * kFkmIterations, "fkm: iterations are bounded");
     if (result) {
-      require(all_finite(found, kDof<K>), "fkm: ok is finite");
-      if (subject.buildable) check_forward<K>(robot, q, found);
+      require(all_finite(found, dof(K)), "fkm: ok is finite");
+      if (subject.buildable) check_forward(robot, q, found);
     }
     Joint estimate{};
     if (redundant_fkm(robot, q_e, estimate))
-      require(all_finite(estimate, kDof<K>), "redundant fkm: ok is finite");
+      require(all_finite(estimate, dof(K)), "redundant fkm: ok is finite");
   });
   return 0;
 }

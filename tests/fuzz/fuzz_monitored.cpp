@@ -51,9 +51,8 @@ void spoil(Bytes& bytes, int rows, Extended& q_e) {
   }
 }
 
-template <Mobility K>
 void drive_with_faults(Bytes& bytes, const Subject& subject) {
-  constexpr int n = kDof<K>;
+  const int n = dof(K);
   const Robot& robot = subject.robot;
   const int rows = n + robot.r;
   ControlSettings settings;
@@ -94,7 +93,7 @@ void drive_with_faults(Bytes& bytes, const Subject& subject) {
     if (bytes.one_in(64)) at.x[bytes.below(n)] = bytes.number();
     if (bytes.one_in(64)) at.acceleration[bytes.below(n)] = bytes.number();
     Extended q_e{};
-    if (!extended<K>(robot, to_pose<K>(at.x), q_e)) q_e = kept;
+    if (!extended(robot, to_pose(K, at.x), q_e)) q_e = kept;
     for (int c = 0; c < rows; ++c)
       if (faulty > 0 && wrong & bit(c)) q_e[c] = kept[c];
     faulty = std::max(0, faulty - 1);
@@ -112,7 +111,7 @@ void drive_with_faults(Bytes& bytes, const Subject& subject) {
     clock.advance(settings.period, fault_state.stop);
     require(clock.time >= before && clock.rate >= 0 && clock.rate <= 1,
             "a path's time does not run backwards, nor faster");
-    static_cast<void>(control_fault_tolerant<K>(robot, settings, fault_settings, clock.paced(at),
+    static_cast<void>(control_fault_tolerant(robot, settings, fault_settings, clock.paced(at),
                                                 q_e, state, prior.weighing(), fault_state));
     finite(state, n, rows);
     finite(fault_state.monitor, rows, robot.r);
@@ -137,6 +136,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (bytes.one_in(2))
     for (int i = 0; i < dof(subject.robot.mobility); ++i) subject.robot.chain[i].torque_limit = 50;
   with_mobility(subject.robot.mobility,
-                [&](auto mobility) { drive_with_faults<mobility()>(bytes, subject); });
+                [&](auto mobility) { drive_with_faults(bytes, subject); });
   return 0;
 }
