@@ -197,7 +197,7 @@ def test_check_tells_what_is_wrong_with_a_calibration(fit, run, tmp_path, old, n
     ("readings", "message"),
     [
         (np.zeros((2, 3)), r"^readings: shape \(2, 3\), must be \(..., 6\) for delta$"),
-        (np.zeros((0, 6)), r"^readings: shape \(0, 6\), must be \(N, 6\)$"),
+        (np.zeros((0, 6)), r"^readings: shape \(0, 6\), must be \(N, 6\), N at least 1$"),
     ],
 )
 def test_readings_of_the_wrong_shape_are_refused(small, readings, message):
