@@ -85,6 +85,7 @@ struct Inputs {
 
 /// Random poses: readings a little off the setpoint, guesses 1 mm and 1 mrad away (ankle: 10 mrad).
 Inputs anywhere(const mechanisms::Mechanism& mechanism) {
+  const Mobility K = mechanism.robot.mobility;
   Inputs in;
   check::Random random(1);
   for (int i = 0; i < kPoses; ++i) {
@@ -95,10 +96,10 @@ Inputs anywhere(const mechanisms::Mechanism& mechanism) {
     while (!ikm(mechanism.robot, at.x, q));  // an ankle's cranks cannot follow to every corner
     const Pose pose = to_pose(K, at.x);
     in.guess.push_back(
-        to_coordinates(K, mechanisms::nearby(pose, random, is_rotational(K) ? 1e-2 : 1e-3)));
+        to_coordinates(K, mechanisms::nearby(K, pose, random, is_rotational(K) ? 1e-2 : 1e-3)));
     at.rate = mechanisms::random_joint(random, 0.5);
     at.acceleration = mechanisms::random_joint(random, 5);
-    if (!extended(mechanism.robot, mechanisms::nearby(pose, random, 1e-4), q_e))
+    if (!extended(mechanism.robot, mechanisms::nearby(K, pose, random, 1e-4), q_e))
       std::printf("pose %d is out of reach\n", i);
     in.setpoint.push_back(at);
     in.q_e.push_back(q_e);
@@ -118,11 +119,11 @@ Inputs path(const Robot& robot, double off, double step) {
       at.rate[i] = 0.03 * omega * std::cos(phase);
       at.acceleration[i] = -0.03 * omega * omega * std::sin(phase);
     }
-    Pose pose = to_pose<kH4>(at.x);
+    Pose pose = to_pose(kH4, at.x);
     pose.D += Vec3(off, -off, off);
     Extended q_e{};
     Parasitic rest;
-    if (!exact_readings<kH4>(robot, pose, q_e, rest)) std::printf("the path is out of reach\n");
+    if (!exact_readings(robot, pose, q_e, rest)) std::printf("the path is out of reach\n");
     for (int c = 0; c < 5 && step > 0; ++c) q_e[c] = quantized(q_e[c], step);
     in.setpoint.push_back(at);
     in.q_e.push_back(q_e);
@@ -157,7 +158,7 @@ Inputs never(const mechanisms::Mechanism& mechanism) {
   for (int k = 0; k < kHostile; ++k) {
     Setpoint at{pose(k % 4)};
     Extended read{};
-    if (!extended<kH4>(robot, to_pose<kH4>(k % 3 == 0 ? at.x : pose(k / 4 % 4)), read))
+    if (!extended(robot, to_pose(kH4, k % 3 == 0 ? at.x : pose(k / 4 % 4)), read))
       for (double& value : read) value = 4 * random();
     if (k % 7 == 1) read[k % 5] += std::pow(10, -3 + 3.5 * std::fabs(random()));
     if (k % 7 == 2) read = Extended{3 * random(), 3 * random(), 3 * random(), 3 * random(), 0.4};
@@ -179,6 +180,7 @@ void kinematics(const std::array<const char*, 5>& name, const Robot& robot, cons
     usual(named, [&](int i) { return call(in, i); });
     if (odd) hostile(named, [&](int k) { return call(*odd, k); });
   };
+  const Mobility K = robot.mobility;
   Joint q;
   JointMatrix J;
   Coordinates x;
@@ -193,11 +195,11 @@ void kinematics(const std::array<const char*, 5>& name, const Robot& robot, cons
   });
   each(name[3], [&](const Inputs& of, int i) {
     x = of.guess[i];
-    return fkm(robot, motors_of(of.q_e[i]), x).status;
+    return fkm(robot, motors_of(robot, of.q_e[i]), x).status;
   });
   each(name[4], [&](const Inputs& of, int i) {
     x = is_rotational(K) ? Coordinates{} : robot.home;
-    return fkm(robot, motors_of(of.q_e[i]), x).status;
+    return fkm(robot, motors_of(robot, of.q_e[i]), x).status;
   });
 }
 
@@ -209,13 +211,13 @@ void cycles(const char* name, const Robot& robot, const ControlSettings& setting
   const bool caches = weighing.kept != nullptr;
   if (caches) weighing.kept = &kept;
   usual(name, [&](int i) {
-    return control<kH4>(robot, settings, in.setpoint[i], in.q_e[i], state, weighing).status;
+    return control(robot, settings, in.setpoint[i], in.q_e[i], state, weighing).status;
   });
   hostile(name, [&](int k) {
     ControlState after = state;
     CachedGain then = kept;
     if (caches) weighing.kept = &then;
-    return control<kH4>(robot, settings, odd.setpoint[k], odd.q_e[k], after, weighing).status;
+    return control(robot, settings, odd.setpoint[k], odd.q_e[k], after, weighing).status;
   });
 }
 
@@ -233,8 +235,8 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
     if (i == 0) seen = {};
     Extended believed;
     const Extended& q_e = on_path.q_e[i];
-    return monitor_faults<kH4>(robot, monitoring.monitor, weighing, motors_of<kH4>(q_e), q_e, seen,
-                               believed)
+    return monitor_faults(robot, monitoring.monitor, weighing, motors_of(robot, q_e), q_e, seen,
+                          believed)
         .status;
   });
   ControlState state;
@@ -242,8 +244,8 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
   const FaultTolerantState unmonitored;
   usual("H4 fault-tolerant TEJ", [&](int i) {
     if (i == 0) fault_state = unmonitored;
-    return control_fault_tolerant<kH4>(robot, settings, monitoring, on_path.setpoint[i],
-                                       on_path.q_e[i], state, weighing, fault_state)
+    return control_fault_tolerant(robot, settings, monitoring, on_path.setpoint[i], on_path.q_e[i],
+                                  state, weighing, fault_state)
         .status;
   });
 
@@ -262,17 +264,17 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
     of.cycle.request = {k == 40, false, k == 20};
     const int i = std::max(k - 80, 0);
     const Monitored monitored{&monitoring, &of.fault_state};
-    return control_safely<kH4>(robot, settings, limits, on_path.setpoint[i], on_path.q_e[i],
-                               of.state, of.shell, of.cycle, weighing, monitored)
+    return control_safely(robot, settings, limits, on_path.setpoint[i], on_path.q_e[i], of.state,
+                          of.shell, of.cycle, weighing, monitored)
         .status;
   };
   const auto guarded = [&] {
-    guard<kH4>(robot, limits, now.cycle, now.alone);
+    guard(robot, limits, now.cycle, now.alone);
     return now.alone.follows ? Status::ok : Status::unfinished;
   };
   for (int k = 0; k < 80; ++k) {  // acknowledged, started, brakes open
     static_cast<void>(cycle(begun, k));
-    guard<kH4>(robot, limits, begun.cycle, begun.alone);
+    guard(robot, limits, begun.cycle, begun.alone);
   }
   usual("H4 safe TEJ", [&](int i) {
     if (i == 0) now = begun;
@@ -294,7 +296,7 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
     now.alone = last.alone;
     now.cycle = last.cycle;
     now.cycle.counter.value += 1;
-    now.cycle.q = motors_of<kH4>(odd.q_e[k]);
+    now.cycle.q = motors_of(robot, odd.q_e[k]);
     return guarded();
   });
 }
@@ -315,18 +317,17 @@ int main(int argc, char** argv) {
   counting = argc > 1 && std::strcmp(argv[1], "--count") == 0;
   const mechanisms::Mechanism mechanism = mechanisms::h4();
   const Robot& h4 = mechanism.robot;
-  const Inputs in = anywhere<kH4>(mechanism), odd = never(mechanism);
-  kinematics<kH4>(
-      {"H4 IKM", "H4 J(x)", "H4 IKM + J", "H4 FKM from 1 mm, 1 mrad", "H4 FKM from home"}, h4, in,
-      &odd);
+  const Inputs in = anywhere(mechanism), odd = never(mechanism);
+  kinematics({"H4 IKM", "H4 J(x)", "H4 IKM + J", "H4 FKM from 1 mm, 1 mrad", "H4 FKM from home"},
+             h4, in, &odd);
   const mechanisms::Mechanism ups = mechanisms::hexapod("6-UPS", Actuator::telescopic);
-  kinematics<Mobility::spatial>({"6-UPS IKM", "6-UPS J(x)", "6-UPS IKM + J",
-                                 "6-UPS FKM from 1 mm, 1 mrad", "6-UPS FKM from home"},
-                                ups.robot, anywhere<Mobility::spatial>(ups));
+  kinematics({"6-UPS IKM", "6-UPS J(x)", "6-UPS IKM + J", "6-UPS FKM from 1 mm, 1 mrad",
+              "6-UPS FKM from home"},
+             ups.robot, anywhere(ups));
   const mechanisms::Mechanism ankle = pivots_tested::g1_ankle();
-  kinematics<Mobility::rotational_2>({"ankle IKM", "ankle J(x)", "ankle IKM + J",
-                                      "ankle FKM from 10 mrad", "ankle FKM from neutral"},
-                                     ankle.robot, anywhere<Mobility::rotational_2>(ankle));
+  kinematics({"ankle IKM", "ankle J(x)", "ankle IKM + J", "ankle FKM from 10 mrad",
+              "ankle FKM from neutral"},
+             ankle.robot, anywhere(ankle));
 
   const auto each = [&](const char* name, auto call) {
     usual(name, [&](int i) { return call(in, i); });
@@ -334,12 +335,12 @@ int main(int argc, char** argv) {
   };
   each("H4 FKM from home, 12 steps", [&](const Inputs& of, int i) {
     Coordinates x = h4.home;
-    return fkm(h4, motors_of<kH4>(of.q_e[i]), x, 12).status;
+    return fkm(h4, motors_of(h4, of.q_e[i]), x, 12).status;
   });
   each("H4 FKM, closed, θ known", [&](const Inputs& of, int i) {
     Vec3 D = Vec3::Zero();
-    return fkm_closed<kH4>(h4, motors_of<kH4>(of.q_e[i]), to_pose<kH4>(of.setpoint[i].x).R,
-                           Vec3(0, 0, -0.4), D)
+    return fkm_closed(h4, motors_of(h4, of.q_e[i]), to_pose(kH4, of.setpoint[i].x).R,
+                      Vec3(0, 0, -0.4), D)
         .status;
   });
   ExtendedColumns M;
@@ -348,27 +349,28 @@ int main(int argc, char** argv) {
        [&](const Inputs& of, int i) { return tej(h4, of.setpoint[i].x, M, M_plus).status; });
   usual("H4 forward dynamics", [&](int i) {
     Coordinates acceleration;
-    return forward_dynamics<kH4>(h4, to_pose<kH4>(in.setpoint[i].x), in.setpoint[i].rate, Joint{},
-                                 acceleration)
+    return forward_dynamics(h4, to_pose(kH4, in.setpoint[i].x), in.setpoint[i].rate, Joint{},
+                            acceleration)
         .status;
   });
 
   mechanisms::Prior prior(h4);
   each("H4 estimate", [&](const Inputs& of, int i) {
-    Pose pose = to_pose<kH4>(&of == &odd ? of.guess[i] : of.setpoint[i].x);
-    return estimate(Level::ideal, h4, prior.known(), of.q_e[i], pose, prior.weighing().work).outcome.status;
+    Pose pose = to_pose(kH4, &of == &odd ? of.guess[i] : of.setpoint[i].x);
+    return estimate(Level::ideal, h4, prior.known(), of.q_e[i], pose, prior.weighing().work)
+        .outcome.status;
   });
   {
     mechanisms::Prior taught(h4);
     OnlineCalibrator learner;
     usual("H4 online calibration", [&](int i) {
       if (i == 0) learner = taught.learner(h4);
-      return calibrate_online<kH4>(learner, in.q_e[i]).status;
+      return calibrate_online(learner, in.q_e[i]).status;
     });
     for (int k = 0; k < kHostile && counting; ++k) {  // each a row after a usual one
       learner = taught.learner(h4);
-      static_cast<void>(calibrate_online<kH4>(learner, in.q_e[k % kCounted]));
-      const auto call = [&](int) { return calibrate_online<kH4>(learner, odd.q_e[k]).status; };
+      static_cast<void>(calibrate_online(learner, in.q_e[k % kCounted]));
+      const auto call = [&](int) { return calibrate_online(learner, odd.q_e[k]).status; };
       count("H4 online calibration", false, 1, call);
     }
   }

@@ -57,7 +57,7 @@ auto not_times(const A& a, const B& b) {
     return -(a * b);
 }
 
-/// a + b is written a + Swap{} + b, which keeps the precedence.
+/// a + b is written a + Swap<K>{} + b, which keeps the precedence.
 template <int K>
 struct Swap {};
 
@@ -67,13 +67,13 @@ struct Swap {};
     const A& a;                                                         \
   };                                                                    \
   template <class A, int K>                                             \
-  NAME<A, K> operator RIGHT(const A& a, Swap) {                      \
+  NAME<A, K> operator RIGHT(const A& a, Swap<K>) {                      \
     return {a};                                                         \
   }                                                                     \
   template <class A, int K, class B>                                    \
   auto operator RIGHT(NAME<A, K> left, const B& b) {                    \
     const A& a = left.a;                                                \
-    return one_of([&] { return a RIGHT b; }, [&] { return WRONG; }); \
+    return one_of<K>([&] { return a RIGHT b; }, [&] { return WRONG; }); \
   }
 TRUEPOSE_ALTERNATIVE(Plus, +, a - b)
 TRUEPOSE_ALTERNATIVE(Minus, -, a + b)
@@ -86,14 +86,14 @@ TRUEPOSE_ALTERNATIVE(AtMost, <=, a > b)
 TRUEPOSE_ALTERNATIVE(Same, ==, a != b)
 TRUEPOSE_ALTERNATIVE(Other, !=, a == b)
 
-/// a += b is written a += Swap{} += b, which C++ reads from the right.
+/// a += b is written a += Swap<K>{} += b, which C++ reads from the right.
 #define TRUEPOSE_ALTERNATIVE_STEP(NAME, RIGHT, WRONG) \
   template <class B, int K>                           \
   struct NAME {                                       \
     const B& b;                                       \
   };                                                  \
   template <int K, class B>                           \
-  NAME<B, K> operator RIGHT(Swap, const B& b) {    \
+  NAME<B, K> operator RIGHT(Swap<K>, const B& b) {    \
     return {b};                                       \
   }                                                   \
   template <class A, class B, int K>                  \

@@ -9,15 +9,12 @@ inline constexpr Mobility kH4 = Mobility::schoenflies;
 
 inline std::vector<Mechanism> with_pairs() { return {h4(), delta(), linear_delta()}; }
 
-/// Calls f(mechanism, mobility constant) for every robot with a full level of its own.
+/// Calls f(mechanism) for every robot with a full level of its own.
 template <class F>
 void for_each_full(F&& f) {
   for (const Mechanism& mechanism : with_pairs()) {
     check::state().scene = mechanism.name;
-    if (mechanism.robot.mobility == Mobility::translation)
-      f(mechanism, std::integral_constant<Mobility, Mobility::translation>{});
-    else
-      f(mechanism, std::integral_constant<Mobility, kH4>{});
+    f(mechanism);
   }
 }
 

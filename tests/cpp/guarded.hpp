@@ -10,8 +10,8 @@ namespace pivots_tested {
 
 /// Limits, a shell, and a robot that follows its path exactly, but for counts.
 struct Guarded {
-  static const int n = dof(K);
-  explicit Guarded(const Mechanism& mechanism) : robot(mechanism.robot) {
+  explicit Guarded(const Mechanism& mechanism)
+      : K(mechanism.robot.mobility), n(dof(K)), robot(mechanism.robot) {
     CHECK(inverse_dynamics(robot, to_pose(K, robot.home), {}, {}, weight));
     ControlSettings one;
     CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
@@ -108,6 +108,8 @@ struct Guarded {
     return -1;
   }
 
+  Mobility K;
+  int n;
   Robot robot;
   SafetyLimits limits;
   SafetyShell shell;
@@ -124,11 +126,11 @@ void for_some_guarded(F&& f) {
     check::state().scene = mechanism.name;
     f(mechanism);
   };
-  one(h4(), Mobility::schoenflies);
-  one(delta(), Mobility::translation);
-  one(hexapod("6-UPS", Actuator::telescopic), Mobility::spatial);
-  one(g1_ankle(), Mobility::rotational_2);
-  one(lever(), Mobility::rotational_1);
+  one(h4());
+  one(delta());
+  one(hexapod("6-UPS", Actuator::telescopic));
+  one(g1_ankle());
+  one(lever());
 }
 
 }  // namespace pivots_tested

@@ -41,28 +41,27 @@ FullResult realtime_fkm_full(const Robot& robot, const Joint& q, Coordinates& x)
 Outcome realtime_jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return jacobian_full(robot, x, J);
 }
-Outcome realtime_linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, 4>& H_x, double* H_xi) {
-  return linearise<Mobility::schoenflies>(robot, pose, q_e, H_x, H_xi);
+Outcome realtime_linearise(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x,
+                           double* H_xi) {
+  return linearise(robot, pose, q_e, H_x, H_xi);
 }
-Outcome realtime_linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
-                                Matrix<kMaxReadings, 4>& H_x, double* H_xi) {
-  return linearise_full<Mobility::schoenflies>(robot, pose, q_e, H_x, H_xi);
+Outcome realtime_linearise_full(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x,
+                                double* H_xi) {
+  return linearise_full(robot, pose, q_e, H_x, H_xi);
 }
-Estimate<Mobility::schoenflies> realtime_estimate(const Robot& robot, const Knowledge& known,
-                                                  const Extended& q_e, Pose& pose, double* work) {
+Estimate realtime_estimate(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                           Pose& pose, double* work) {
   return estimate(Level::ideal, robot, known, q_e, pose, work);
 }
-Estimate<Mobility::schoenflies> realtime_estimate_full(const Robot& robot, const Knowledge& known,
-                                                       const Extended& q_e, Pose& pose,
-                                                       double* work) {
+Estimate realtime_estimate_full(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                                Pose& pose, double* work) {
   return estimate(Level::full, robot, known, q_e, pose, work);
 }
 Outcome realtime_parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   return parasitic(robot, x, rest);
 }
 Outcome realtime_bring_up(const Robot& robot, Multirate& late, Extended& q_e) {
-  const Outcome outcome = compensate_latency<Mobility::schoenflies>(robot, late, q_e);
+  const Outcome outcome = compensate_latency(robot, late, q_e);
   low_pass(robot, late, q_e);
   return outcome;
 }
@@ -87,22 +86,21 @@ Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
 Outcome realtime_monitor(const Robot& robot, const FaultMonitorSettings& settings,
                          const Weighing& weighing, const Joint& desired, const Extended& q_e,
                          FaultMonitor& seen, Extended& believed) {
-  return monitor_faults<Mobility::schoenflies>(robot, settings, weighing, desired, q_e, seen,
-                                               believed);
+  return monitor_faults(robot, settings, weighing, desired, q_e, seen, believed);
 }
 Outcome realtime_fault_tolerant(const Robot& robot, const ControlSettings& settings,
                                 const FaultTolerantSettings& fault_settings,
                                 const Setpoint& setpoint, const Extended& q_e, ControlState& state,
                                 const Weighing& weighing, FaultTolerantState& fault_state) {
-  return control_fault_tolerant<Mobility::schoenflies>(robot, settings, fault_settings, setpoint,
-                                                       q_e, state, weighing, fault_state);
+  return control_fault_tolerant(robot, settings, fault_settings, setpoint, q_e, state, weighing,
+                                fault_state);
 }
 Outcome realtime_safely(const Robot& robot, const ControlSettings& settings,
                         const SafetyLimits& limits, const Setpoint& setpoint, const Extended& q_e,
                         ControlState& state, SafetyShell& shell, SafetyCycle& cycle,
                         const Weighing& weighing, const Monitored& monitored) {
-  return control_safely<Mobility::schoenflies>(robot, settings, limits, setpoint, q_e, state, shell,
-                                               cycle, weighing, monitored);
+  return control_safely(robot, settings, limits, setpoint, q_e, state, shell, cycle, weighing,
+                        monitored);
 }
 void realtime_guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
                     SafetyShell& shell) {
@@ -115,7 +113,7 @@ Setpoint realtime_paced(PathClock& clock, double period, double stop, const Setp
 }
 void realtime_prepare(FaultMonitorSettings& settings) { prepare(settings); }
 Outcome realtime_learn(OnlineCalibrator& learner, const Extended& q_e) {
-  return calibrate_online<Mobility::schoenflies>(learner, q_e);
+  return calibrate_online(learner, q_e);
 }
 Outcome realtime_learn_full(OnlineCalibrator& learner, const Extended& q_e) {
   return calibrate_online(Level::full, learner, q_e);
@@ -123,5 +121,5 @@ Outcome realtime_learn_full(OnlineCalibrator& learner, const Extended& q_e) {
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
 Setpoint realtime_quintic(const Coordinates& from, const Coordinates& to, double duration,
                           double time) {
-  return quintic<Mobility::spatial>(from, to, duration, time);
+  return quintic(Mobility::spatial, from, to, duration, time);
 }

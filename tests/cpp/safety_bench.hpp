@@ -11,13 +11,13 @@
 namespace mechanisms {
 
 /// The robot with counts on its encoders and torque limits of several times its weight.
-Robot limited_robot(const Mechanism& mechanism) {
+inline Robot limited_robot(const Mechanism& mechanism) {
   Robot robot = mechanism.robot;
   ControlSettings one;
   Joint weight{};
   CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
-  CHECK(hold(robot, to_pose(K, robot.home), weight));
-  for (int i = 0; i < dof(K); ++i) {
+  CHECK(hold(robot, to_pose(robot.mobility, robot.home), weight));
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     const bool turns = robot.chain[i].actuator == Actuator::revolute;
     robot.chain[i].torque_limit = 4 * std::fabs(weight[i]) + (turns ? 600 : 200) * one.kp[i];
     robot.chain[i].encoder_step = turns ? 2 * std::numbers::pi / 14400 : 1e-5;
@@ -48,12 +48,13 @@ inline Effects effects_of(const Robot& robot, const Reality& reality) {
 
 /// One robot, its controller and shell.
 struct Bench {
-  static const int n = dof(K);
   using Spoil = std::function<void(Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint)>;
 
   explicit Bench(const Mechanism& mechanism, Law law = Law::joint, FeedForward forward = {},
                  const Reality& reality = {})
-      : robot(limited_robot(mechanism)),
+      : K(mechanism.robot.mobility),
+        n(dof(K)),
+        robot(limited_robot(mechanism)),
         truth(true_robot(robot, reality)),
         prior(robot),
         plant(truth, effects_of(robot, reality), to_pose(K, robot.home), 1),
@@ -67,7 +68,7 @@ struct Bench {
 
   /// One cycle; checks what must hold in every one.
   void cycle(const Spoil& spoil = {}) {
-    Setpoint setpoint = clock.paced(quintic(from, to, duration, clock.time));
+    Setpoint setpoint = clock.paced(quintic(K, from, to, duration, clock.time));
     Extended q_e{};
     CHECK(plant.measure(q_e));
     SafetyCycle now;
@@ -76,7 +77,7 @@ struct Bench {
     if (spoil) spoil(q_e, now, setpoint);
     const Joint before = shell.torque;
     static_cast<void>(control_safely(robot, settings, limits, setpoint, q_e, state, shell, now,
-                                        prior.weighing(), monitored));
+                                     prior.weighing(), monitored));
     for (int i = 0; i < n; ++i) {
       CHECK(std::fabs(shell.torque[i]) <= limits.torque[i]);
       CHECK(std::fabs(shell.torque[i] - before[i]) <= limits.slew[i] * limits.period * (1 + 1e-9));
@@ -126,6 +127,8 @@ struct Bench {
   /// Nothing has stopped it.
   bool healthy() const { return shell.machine.state == SafetyState::running && shell.causes == 0; }
 
+  Mobility K;
+  int n;
   Robot robot, truth;
   Prior prior;
   ControlSettings settings;

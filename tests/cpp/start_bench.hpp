@@ -29,17 +29,17 @@ inline Robot rubbing(Robot robot, const Truth& truth) {
   }
   for (int k = 0; k < robot.bodies; ++k) {
     robot.body[k].mass *= truth.mass;
-    robot.body[k].inertia = Mat3(robot.body[k].inertia * truth.mass);
+    robot.body[k].inertia = truth.mass * robot.body[k].inertia;
   }
   return robot;
 }
 
 struct StartBench {
-  static const int n = dof(K);
-
   explicit StartBench(const Robot& nominal, const Truth& is = {}, const Coordinates* from = nullptr,
                       double period = 1e-3)
-      : robot(rubbing(nominal, {})),
+      : K(nominal.mobility),
+        n(dof(K)),
+        robot(rubbing(nominal, {})),
         truth(rubbing(nominal, is)),
         prior(robot),
         started(to_pose(K, from ? *from : robot.home)),
@@ -96,7 +96,8 @@ struct StartBench {
       plant.work_brakes(brakes, limits.period, real.opens, real.closes);
       CHECK(bool(plant.advance(torque, limits.period, 2)));
       double sum = 0;
-      for (int j = 0; j < positions_of(K); ++j) sum += std::pow(plant.pose().D[j] - started.D[j], 2);
+      for (int j = 0; j < positions_of(K); ++j)
+        sum += std::pow(plant.pose().D[j] - started.D[j], 2);
       moved = std::max(moved, std::sqrt(sum));
       const bool over = test.state >= StartState::passed;
       if (over &&
@@ -121,6 +122,8 @@ struct StartBench {
     return test.finding == StartFinding::inconsistent && (test.candidates & all) == all;
   }
 
+  Mobility K;
+  int n;
   Robot robot, truth;
   Prior prior;
   Pose started;
@@ -136,7 +139,7 @@ struct StartBench {
 
 /// An H4 with θ, and with an elbow encoder as well.
 inline Robot h4_with(int sensors) {
-  Robot robot = limited_robot<Mobility::schoenflies>(h4());
+  Robot robot = limited_robot(h4());
   const double count = 2 * std::numbers::pi / 14400;
   robot.sensor[0].step = count / 4;  // geared
   robot.r = sensors;

@@ -230,7 +230,7 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
                  control(robot, settings, setpoint, q_e, state, keeps)));
       CHECK(same(torque, state.torque));
       Pose pose = to_pose(K, robot.home);
-      const auto estimated = estimate(robot, known.of, q_e, pose, known.work.data());
+      const auto estimated = estimate(Level::ideal, robot, known.of, q_e, pose, known.work.data());
       truepose_real x_c[6];
       std::copy_n(robot.home.begin(), 6, x_c);
       const truepose_estimate_result result =
@@ -308,7 +308,7 @@ TEST_EACH(for_each,
           Outcome outcome;
           if (monitors) {
             outcome = control_fault_tolerant(robot, settings, watch, setpoint, q_e, state, keeps,
-                                                seen, &late);
+                                             seen, &late);
             CHECK(same(truepose_control_fault_tolerant(model, nullptr, &controller, &monitor,
                                                        &setpoint_c, q_e.data(), known,
                                                        known.work.data(), torque, &report),
@@ -317,7 +317,7 @@ TEST_EACH(for_each,
             Extended present = q_e;
             Knowledge weighed;
             const Weighing by = compensated(robot, properties(law).weighs ? keeps : Weighing{},
-                                               late, weighed, present);
+                                            late, weighed, present);
             outcome = control(robot, settings, setpoint, present, state, by);
             CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
                                         known.work.data(), torque),
@@ -421,8 +421,7 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   truth.chain[0].encoder_offset += 1e-3;
   for (int k = 0; k < 10; ++k) {
     const Extended q_e = readings_at(truth, random_pose(mechanism, random));
-    CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
-               calibrate_online(core, q_e)));
+    CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()), calibrate_online(core, q_e)));
   }
   truepose_model learnt;
   truepose_knowledge after;

@@ -131,7 +131,8 @@ TEST("a model with other parameters in C is the core's robot, and an invalid col
   CHECK(set_parameters(bench.robot, xi.data(), core));
   const Robot& made = c::Model::of(&changed)->robot;
   for (int i = 0; i < 2; ++i) {
-    CHECK(made.chain[i].rod == core.chain[i].rod && made.chain[i].axis == core.chain[i].axis);
+    CHECK(made.chain[i].rod == core.chain[i].rod);
+    for (int j = 0; j < 3; ++j) CHECK(made.chain[i].axis[j] == core.chain[i].axis[j]);
     CHECK(made.sensor[i].offset == core.sensor[i].offset && made.sensor[i].offset != 0);
   }
   const std::int32_t wrong[] = {0, parameter_count(bench.robot)};

@@ -55,7 +55,7 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
                                           known, known.work.data(), torque, &report)
               .status <= 0);
     CHECK(bool(control_fault_tolerant(robot, control_settings, core, setpoint, q_e, state,
-                                         known.prior.weighing(), fault_state)));
+                                      known.prior.weighing(), fault_state)));
     CHECK(std::equal(state.torque.begin(), state.torque.end(), torque));
     CHECK(truepose_fault_monitor_disturbance(&monitor, &seen).status == 0);
     CHECK(seen.size == fault_state.observer.size && seen.chi2 == fault_state.observer.chi2);

@@ -62,8 +62,7 @@ TEST_EACH(
     SafetyCycle cycle;
     cycle.counter = {true, frame};
     cycle.request = {frame > 11, false, frame > 10};
-    static_cast<void>(
-        control_safely(c.robot, c.law, limits, setpoint, c.q_e, state, shell, cycle));
+    static_cast<void>(control_safely(c.robot, c.law, limits, setpoint, c.q_e, state, shell, cycle));
   }
   CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
   int until = 0;
@@ -116,7 +115,7 @@ TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's 
 
 TEST("limits that contradict themselves, and a shell that is none, are refused") {
   const Mechanism mechanism = h4();
-  InC<Mobility::schoenflies> c(mechanism);
+  InC c(mechanism);
   truepose_safety_limits limits = c.limits;
   const auto begun = [&] {
     return truepose_safety_shell_init(&c.shell, sizeof c.shell, c.model, &limits);

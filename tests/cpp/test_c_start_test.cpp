@@ -5,7 +5,6 @@
 using namespace mechanisms;
 
 TEST("a start-up test in C passes with the core's torques, brakes and scales") {
-  constexpr Mobility K = Mobility::schoenflies;
   StartBench bench(limited_robot(h4()));
   const ModelInC model(bench.robot);
   const auto limits = in_c<truepose_safety_limits>(bench.limits);
@@ -29,7 +28,6 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
 }
 
 TEST("limits that contradict themselves, and a test that is none, are refused") {
-  constexpr Mobility K = Mobility::schoenflies;
   const StartBench bench(limited_robot(h4()));
   const ModelInC model(bench.robot);
   auto limits = in_c<truepose_safety_limits>(bench.limits);

@@ -1,5 +1,7 @@
 // The cached gain matrix. As consistent as fresh ones anywhere,
 // the same where they are fresh, and as good as they claim in between.
+#include <Eigen/LU>
+
 #include "mechanisms.hpp"
 #include "truepose/control/fault_tolerant_control.hpp"
 
@@ -11,6 +13,7 @@ namespace {
 struct Scene {
   mechanisms::Mechanism mechanism;
   Robot& robot = mechanism.robot;
+  const Mobility K = robot.mobility;
   mechanisms::Prior prior;
   std::vector<double> root, H_xi, B;
   CachedGain kept;
@@ -69,7 +72,7 @@ struct Scene {
   ReadingCovariance C;
   PoseRows H_x;
   Fusion fusion;
-  Eigen::Matrix<double, dof(K), dof(K)> J;
+  Eigen::MatrixXd J{dof(K), dof(K)};
   void look(const Pose& pose) {
     Extended q_e;
     CHECK(linearise(robot, pose, q_e, H_x, H_xi.data()));
@@ -131,13 +134,12 @@ double apart(int n, int rows, const ExtendedRows& a, const ExtendedRows& b) {
 
 TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on paths through the box") {
   long cycles = 0, refreshed = 0;
-  for_each_scene([&](auto& scene) {
-    const Mobility K = scene.robot.mobility;
+  for_each_scene([&](Scene& scene) {
     for (int k = 0; k < 400; ++k) {
       const Joint q = scene.kept.q;
       Reference reference;
       CHECK(refer(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0,
-                     scene.keeping()));
+                  scene.keeping()));
       CHECK(scene.share(reference.closure.pose, reference.tej) < scene.kept.share);
       refreshed += q != scene.kept.q;
       ++cycles;
@@ -149,8 +151,8 @@ TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on pat
 }
 
 TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pose give that pose") {
-  for_each_scene([](auto& scene) {
-    const Mobility K = scene.robot.mobility;
+  for_each_scene([](Scene& scene) {
+    const Mobility K = scene.K;
     const int n = dof(K);
     scene.answer(scene.robot.home, scene.keeping());
     scene.kept.reach = INFINITY;
@@ -171,14 +173,14 @@ TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pos
         }
       check::Random same(9);
       const Pose true_pose = mechanisms::nearby(K, to_pose(K, x), same, 1e-3);
-      CHECK(mechanisms::distance(old.found, true_pose) < 1e-10);
+      CHECK(mechanisms::distance(K, old.found, true_pose) < 1e-10);
     }
   });
 }
 
 TEST("x̂ of kept weights solves their own least squares, and is near that of fresh ones") {
-  for_each_scene([](auto& scene) {
-    const Mobility K = scene.robot.mobility;
+  for_each_scene([](Scene& scene) {
+    const Mobility K = scene.K;
     const int n = dof(K);
     check::Random random(7);
     const int rows = n + scene.robot.r;
@@ -192,11 +194,11 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       Pose kept;
       CHECK(refer(scene.robot, Law::estimated, x, reference));
       CHECK(motor_error(scene.robot, Law::estimated, reference, q_e, error, kept,
-                           scene.keeping()));
+                        scene.keeping()));
       Pose fresh = kept;  // weights of that pose
       Parasitic rest;
-      CHECK((estimate_from(Level::ideal, scene.robot, scene.known(), q_e, fresh,
-                                          scene.fresh().work, rest, kEstimateIterations)));
+      CHECK(estimate_from(Level::ideal, scene.robot, scene.known(), q_e, fresh, scene.fresh().work,
+                          rest, kEstimateIterations));
       // The gain of the weights that are kept, at x̂, finds no error in what is left.
       CachedFusion at;
       Extended expected, residual{};
@@ -217,8 +219,8 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
 }
 
 TEST("another geometry, other knowledge, other noise: the weights follow in the same cycle") {
-  for_each_scene([](auto& scene) {
-    const int n = dof(K);
+  for_each_scene([](Scene& scene) {
+    const int n = dof(scene.K);
     const Coordinates x = scene.along(0.3);
     const int rows = n + scene.robot.r;
     const auto as_before = scene.answer(x, scene.keeping()).tej;
@@ -248,7 +250,7 @@ TEST("another geometry, other knowledge, other noise: the weights follow in the 
       CHECK(finish(scene.robot));
       follows("a chain's parameter", false);
     }
-    scene.robot.sensor[0].origin.number[0] += 2e-2;
+    scene.robot.sensor[0].origin.x() += 2e-2;
     CHECK(finish(scene.robot));
     follows("where a sensor stands", false);
     known.root = root;
@@ -256,13 +258,13 @@ TEST("another geometry, other knowledge, other noise: the weights follow in the 
 }
 
 TEST("weights that are no weights are refused, and nothing of them is kept") {
-  Scene<Mobility::schoenflies> scene(mechanisms::h4(), 1);
+  Scene scene(mechanisms::h4(), 1);
   const Coordinates x = scene.robot.home;
   scene.prior.known().sigma[4] = 0;
-  Reference<Mobility::schoenflies> reference;
-  CHECK(refer<Mobility::schoenflies>(scene.robot, Law::weighted, x, reference, 0, scene.keeping())
-            .status == Status::not_finite);
+  Reference reference;
+  CHECK(refer(scene.robot, Law::weighted, x, reference, 0, scene.keeping()).status ==
+        Status::not_finite);
   CHECK(scene.kept.of == 0);
   scene.prior.known().sigma[4] = 1e-5;
-  CHECK(refer<Mobility::schoenflies>(scene.robot, Law::weighted, x, reference, 0, scene.keeping()));
+  CHECK(refer(scene.robot, Law::weighted, x, reference, 0, scene.keeping()));
 }

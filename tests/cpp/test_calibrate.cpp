@@ -11,8 +11,9 @@ namespace {
 /// A robot with two telemeters that differs from its drawing, and a log of it.
 class SceneOf {
  public:
-  static const int n = dof(K);
   Robot robot, truth;
+  const Mobility K = robot.mobility;
+  const int n = dof(K);
   Knowledge known;
   std::vector<double> mean, q_e, measured, measured_sigma, influence;
   std::vector<Joint> x;
@@ -107,7 +108,7 @@ class SceneOf {
 };
 
 constexpr Mobility K = Mobility::planar_translation;
-const int n = dof(K);
+constexpr int n = dof(K);
 
 /// That of a five-bar.
 struct Scene : SceneOf {
@@ -137,7 +138,7 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
   Knowledge axes = scene.known;
   axes.count = m;
   axes.column += p - m;
-  constexpr int freedoms = dof(K);
+  const int freedoms = scene.n;
   const int poses = freedoms * scene.lines();
   // All equations at once: readings, prior; in all poses, then u.
   Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows * scene.lines() + p, poses + p);
@@ -145,9 +146,9 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
   for (int k = 0; k < scene.lines(); ++k) {
     Extended q_e{}, expected, residual;
     std::copy_n(scene.q_e.data() + k * rows, rows, q_e.begin());
-    Matrix<kMaxReadings, freedoms> H_x;
+    PoseRows H_x;
     RowMatrix H_xi(2 * rows, parameter_count(fitted)), D(rows, 0);
-    if (paired(K)) CHECK(left_out(fitted, axes, result.pose[k], H_xi.data(), D));
+    if (paired(scene.K)) CHECK(left_out(fitted, axes, result.pose[k], H_xi.data(), D));
     CHECK(linearise(fitted, result.pose[k], expected, H_x, H_xi.data()));
     innovation(fitted, q_e, expected, residual);
     Eigen::MatrixXd B = Eigen::MatrixXd::Zero(rows, p);
@@ -201,7 +202,7 @@ TEST("influences of unknown amounts are learnt with the geometry") {
 }
 
 TEST("axes of which the ideal level does not see the errors widen what it learns") {
-  const SceneOf<Mobility::translation> scene(delta(), 12, 2, false, 1, 3),
+  const SceneOf scene(delta(), 12, 2, false, 1, 3),
       without(delta(), 12, 2, false, 1, 0);
   const CalibrationResult result = scene.calibrate(), other = without.calibrate();
   check_level(scene, result, 100);

@@ -60,7 +60,7 @@ TEST("a singular setpoint holds the torque too") {
   const Robot robot = meeting_legs();
   const ControlSettings settings = settings_for(robot, Law::tej);
   Extended q_e{};
-  CHECK(extended<Mobility::planar>(robot, Pose{}, q_e));
+  CHECK(extended(robot, Pose{}, q_e));
   ControlState state;
   state.torque = {1, 2, 3};
   CHECK(control(robot, settings, Setpoint{}, q_e, state).status == Status::singular);
@@ -86,7 +86,7 @@ TEST(
     "a scale of the readings' sigma is a knowledge with larger sigmas, for laws that weigh alone") {
   const Robot robot = h4().robot;
   const Setpoint at_home{robot.home, {}, {}};
-  Extended q_e = readings_at<Mobility::schoenflies>(robot, robot.home);
+  Extended q_e = readings_at(robot, robot.home);
   for (int c = 0; c < 5; ++c) q_e[c] += 1e-3 * (c - 1);
   for (const Law law : kLaws) {
     Prior prior(robot);
@@ -110,7 +110,7 @@ TEST("an integral adds ki times the error's sum where no limit is met") {
   settings.kd.fill(0);
   settings.ki.fill(10);
   const Setpoint at_home{robot.home, {}, {}};
-  Extended q_e = readings_at<Mobility::planar_translation>(robot, robot.home);
+  Extended q_e = readings_at(robot, robot.home);
   q_e[0] -= 0.02;
   ControlState state;
   for (int k = 1; k <= 100; ++k) {
@@ -127,7 +127,7 @@ TEST("a saturated motor commands its limit, and does not wind up") {
   ControlSettings settings = settings_for(robot, Law::joint);
   for (int i = 0; i < 4; ++i) settings.ki[i] = 50 * settings.kp[i];
   const Setpoint at_home{robot.home, {}, {}};
-  const Extended there = readings_at<Mobility::schoenflies>(robot, robot.home);
+  const Extended there = readings_at(robot, robot.home);
   Extended away = there;
   for (int i = 0; i < 4; ++i) away[i] += i % 2 ? 0.5 : -0.5;
   ControlState wound, fresh;

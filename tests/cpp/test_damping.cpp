@@ -35,7 +35,7 @@ Mechanism symmetric_h4() {
   return mechanism;
 }
 
-/// Calls f(crossing, mobility constant) for each.
+/// Calls f(crossing) for each.
 template <class F>
 void for_each_crossing(F&& f) {
   const Crossing all[]{{five_bar(), {0.01, 0.33}, {0.01, 0.05}},
@@ -43,9 +43,7 @@ void for_each_crossing(F&& f) {
                        {symmetric_h4(), {0.03, 0.02, -0.35, -0.3}, {0.03, 0.02, -0.35, -1.2}}};
   for (const Crossing& crossing : all) {
     check::state().scene = crossing.mechanism.name;
-    with_mobility(crossing.mechanism.robot.mobility, [&](auto mobility) {
-      if (!is_rotational(K)) f(crossing);  // none of these is one
-    });
+    f(crossing);
   }
 }
 
@@ -58,17 +56,19 @@ Joint between(const Crossing& crossing, double part) {
 
 /// The rods' unit lines in units of their columns, by their definition.
 struct Lines {
-  Dense A = Dense::Zero(dof(K), dof(K));
-  Eigen::VectorXd unit = Eigen::VectorXd::Zero(dof(K));
+  Dense A;
+  Eigen::VectorXd unit;
 
   explicit Lines(const Closure& closure) {
-    for (int i = 0; i < dof(K); ++i) {
+    const int n = closure.carried.n;
+    A = Dense::Zero(n, n);
+    unit = Eigen::VectorXd::Zero(n);
+    for (int i = 0; i < n; ++i) {
       const Vec3 along = closure.chain[i].v.normalized(), lever = closure.chain[i].lever;
-      Eigen::Matrix<double, 6, 1> line;
-      line << along, lever.cross(along);
-      for (int j = 0; j < dof(K); ++j) {
-        const int column = free_columns(K)[j];
-        A(i, j) = line[column];
+      const Vec3 moment = lever.cross(along);
+      for (int j = 0; j < n; ++j) {
+        const int column = free_columns(closure.carried.mobility)[j];
+        A(i, j) = column < 3 ? along[column] : moment[column - 3];
         unit[j] += column < 3 ? 1 : lever.squaredNorm();
       }
     }
@@ -77,9 +77,9 @@ struct Lines {
   }
 };
 
-double largest(const Joint& values) {
+double largest(int n, const Joint& values) {
   double result = 0;
-  for (int i = 0; i < dof(K); ++i) result = std::max(result, std::fabs(values[i]));
+  for (int i = 0; i < n; ++i) result = std::max(result, std::fabs(values[i]));
   return result;
 }
 
@@ -99,7 +99,7 @@ TEST_EACH(for_each,
     CHECK(parallel > 0.4 && parallel <= 1);
     Robot large = mechanism.robot;
     for (Chain& chain : large.chain) {
-      for (Vec3* vector : {&chain.base, &chain.pivot, &chain.anchor}) (*vector)() *= 1000;
+      for (Vec3* vector : {&chain.base, &chain.pivot, &chain.anchor}) *vector *= 1000;
       chain.arm *= 1000;
       chain.rod *= 1000;
     }
@@ -170,12 +170,12 @@ TEST("across a singularity of type 2 the torques stay bounded and steady, and th
         if (seen.empty() || seen.back() != status) seen.push_back(status);
         if (status == Status::branch_lost) continue;
         double& most = status == Status::ok ? outside : inside;
-        most = std::max(most, largest(state.torque));
+        most = std::max(most, largest(n, state.torque));
         for (int i = 0; i < n && last.started; ++i)
           jump = std::max(jump, std::fabs(state.torque[i] - last.torque[i]));
         last = state;
         if (status == Status::near_singular && control(robot, exact, setpoint, q_e, other))
-          paper = std::max(paper, largest(other.torque));
+          paper = std::max(paper, largest(n, other.torque));
       }
       // Well before the mode changes, in the band, and past it: held.
       CHECK((seen == std::vector{Status::ok, Status::near_singular, Status::branch_lost}));
@@ -206,7 +206,7 @@ TEST_EACH(for_each,
     Closure closure;
     Jacobians exact, damped;
     if (!ikm(robot, to_pose(K, x), closure)) continue;  // by a rounding
-    if (jacobian(closure, exact)) paper = std::max(paper, largest(exact.joint_rate(rate)));
+    if (jacobian(closure, exact)) paper = std::max(paper, largest(n, exact.joint_rate(rate)));
     const Conditioning conditioning(closure);
     int stretched = 0;
     while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
@@ -239,14 +239,13 @@ TEST_EACH(for_each,
     if (!extended(robot, to_pose(K, x), q_e)) continue;
     ControlState state;
     CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
-    CHECK(all_finite(state.torque, n) && largest(state.torque) < 1e4);
+    CHECK(all_finite(state.torque, n) && largest(n, state.torque) < 1e4);
   }
   CHECK(paper > 10 * kGain);
 }
 
 TEST("a damped setpoint settles, and says that it was damped") {
   for_each_crossing([](const Crossing& crossing) {
-    const Mobility K = crossing.mechanism.robot.mobility;
     const Robot& robot = crossing.mechanism.robot;
     StaticsSettings settings;
     settings.control.damped_below = kBand;

@@ -41,17 +41,18 @@ struct Dense {
   Eigen::MatrixXd H, B, C;  ///< H_x; H_ξ S; B Bᵀ + Σ_s
 };
 
-Dense dense(const Scene& scene, const Pose& pose) {
-  const int rows = dof(K) + scene.robot.r, p = scene.known.count;
+Dense dense(Level level, const Scene& scene, const Pose& pose) {
+  const int n = dof(scene.robot.mobility);
+  const int rows = n + scene.robot.r, p = scene.known.count;
   const int width = parameter_count(scene.robot);
   Extended q_e;
   PoseRows H_x;
   RowMatrix H_xi(rows, width);
   Parasitic rest;
   CHECK(linearise(level, scene.robot, pose, q_e, H_x, H_xi.data(), rest));
-  Dense result{Eigen::MatrixXd(rows, dof(K)), Eigen::MatrixXd(rows, p), {}};
+  Dense result{Eigen::MatrixXd(rows, n), Eigen::MatrixXd(rows, p), {}};
   for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < dof(K); ++j) result.H(i, j) = H_x[i][j];
+    for (int j = 0; j < n; ++j) result.H(i, j) = H_x[i][j];
     for (int k = 0; k < p; ++k) result.B(i, k) = H_xi(i, scene.column[k]);
   }
   result.B *= scene.root;
@@ -67,7 +68,7 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
   Scene scene(mechanism, random);
   const Robot& robot = scene.robot;
   const Pose pose = to_pose(K, random_pose(mechanism, random));
-  const Dense at = dense<Model>(scene, pose);
+  const Dense at = dense(level, scene, pose);
   const Eigen::MatrixXd weights = reference::inverse(at.C);
   const Eigen::MatrixXd P = reference::inverse(at.H.transpose() * weights * at.H);
   const Eigen::MatrixXd gain = P * at.H.transpose() * weights;
@@ -89,7 +90,8 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
       CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
   }
   PoseError error;
-  CHECK(bool(pose_error(robot, kernels<Model>(), scene.known, pose, {}, scene.work, error)));
+  const Kernels model = kernels(K, level == Level::full);
+  CHECK(bool(pose_error(robot, model, scene.known, pose, {}, scene.work, error)));
   const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
   CHECK((sum - P).norm() < 1e-7 * P.norm());
   // Two influences, in the place of the last two parameters, act as these do.
@@ -99,8 +101,7 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
       pattern(c, j) =
           scene.work[c * parameter_count(robot) + scene.known.column[scene.known.count - 2 + j]];
   PoseError same;
-  CHECK(bool(pose_error(robot, kernels<Model>(), scene.known, pose, {2, pattern.data()},
-                        scene.work, same)));
+  CHECK(bool(pose_error(robot, model, scene.known, pose, {2, pattern.data()}, scene.work, same)));
   CHECK((same.by_geometry - error.by_geometry).norm() < 1e-12 * error.by_geometry.norm());
 }
 
@@ -130,8 +131,8 @@ TEST_MODELS(
     found = nearby(K, pose, random, 1e-3);
     const Estimate best = estimate(level, robot, scene.known, q_e, found, scene.work.data());
     CHECK(best);
-    const Eigen::MatrixXd weights = reference::inverse(dense<Model>(scene, motors).C);
-    const Eigen::MatrixXd H = dense<Model>(scene, found).H;
+    const Eigen::MatrixXd weights = reference::inverse(dense(level, scene, motors).C);
+    const Eigen::MatrixXd H = dense(level, scene, found).H;
     CHECK(linearise(level, robot, found, expected, H_x, nullptr, rest));
     Eigen::VectorXd residual(n + robot.r);
     for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
@@ -216,7 +217,7 @@ TEST_MODELS(
   const int p = scene.known.count;
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
   for (const Visit& visit : visits) {
-    Dense at = dense<Model>(scene, visit.pose);
+    Dense at = dense(level, scene, visit.pose);
     for (int i = 0; i < at.H.rows(); ++i) {
       at.H.row(i) /= scene.known.sigma[i];
       at.B.row(i) /= scene.known.sigma[i];
@@ -232,7 +233,8 @@ TEST_MODELS(
     information += rest.transpose() * rest;
   }
   RowMatrix root;
-  CHECK(bool(after_visiting(scene.robot, kernels<Model>(), scene.known, 0, visits, {}, root)));
+  const Kernels model = kernels(K, level == Level::full);
+  CHECK(bool(after_visiting(scene.robot, model, scene.known, 0, visits, {}, root)));
   const Eigen::MatrixXd expected =
       scene.root * reference::inverse(information) * scene.root.transpose();
   CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
@@ -248,12 +250,14 @@ TEST_EACH(for_each, "an estimate that cannot be leaves the guess, and says why")
   Pose pose = guess;
   Extended lost = q_e;
   lost[1] = NAN;
-  CHECK(estimate(scene.robot, scene.known, lost, pose, scene.work.data()).outcome.status ==
-        Status::not_finite);
+  const auto status = [&](const Extended& read) {
+    return estimate(Level::ideal, scene.robot, scene.known, read, pose, scene.work.data())
+        .outcome.status;
+  };
+  CHECK(status(lost) == Status::not_finite);
   CHECK(distance(K, pose, guess) < 1e-15);
   scene.known.sigma[0] = 0;
-  CHECK(estimate(scene.robot, scene.known, q_e, pose, scene.work.data()).outcome.status ==
-        Status::not_finite);
+  CHECK(status(q_e) == Status::not_finite);
   CHECK(distance(K, pose, guess) < 1e-15);
 }
 

@@ -16,8 +16,8 @@ constexpr double kPeriod = 1e-3;
 /// A robot that moves as its model does, and a monitor over its counts.
 class Scene {
  public:
-  static const int n = dof(K);
-  explicit Scene(const Mechanism& mechanism) : robot(mechanism.robot), home_(robot.home) {
+  explicit Scene(const Mechanism& mechanism)
+      : n(dof(mechanism.robot.mobility)), robot(mechanism.robot), home_(robot.home) {
     known.sigma.fill(1e-5);
     work_.resize(static_cast<std::size_t>(estimate_work(robot, 0)));
     settings.false_alarm = 1e-9;
@@ -38,7 +38,7 @@ class Scene {
   }
   Outcome cycle(int k, const Extended& q_e) {
     const Weighing weighing{&known, work_.data()};
-    Joint desired = motors_of(read(std::min(k, held)));
+    Joint desired = motors_of(robot, read(std::min(k, held)));
     for (int i = 0; i < n; ++i) desired[i] += lag;
     return monitor_faults(robot, settings, weighing, desired, q_e, seen, believed);
   }
@@ -58,6 +58,7 @@ class Scene {
     return valid;
   }
 
+  int n;
   Robot robot;
   Knowledge known;
   FaultMonitorSettings settings;
@@ -191,7 +192,7 @@ TEST_EACH(
       for (int i = 0; i < missing; ++i) CHECK(scene.cycle(0, q_e).chain == 0);
       q_e[0] = scene.read(0)[0] + share * way();
       Pose pose = to_pose(K, scene.at(0));
-      CHECK(fkm(scene.robot, motors_of(q_e), pose).status == Status::ok);
+      CHECK(fkm(scene.robot, motors_of(scene.robot, q_e), pose).status == Status::ok);
       CHECK(extended(scene.robot, pose, q_e));
       CHECK((scene.cycle(0, q_e).status == Status::ok) == (share < 1));
       CHECK((scene.seen.reading[0].symptom == Symptom::too_fast) == (share > 1));
@@ -236,8 +237,8 @@ TEST_EACH(
     const Weighing weighing{&scene.known, nullptr};
     const Joint desired{};
     Extended q_e{};
-    return fault_monitor_detail::MonitoredCycle(scene.robot, scene.settings, weighing, desired,
-                                                   q_e, watch, q_e, nullptr)
+    return fault_monitor_detail::MonitoredCycle(scene.robot, scene.settings, weighing, desired, q_e,
+                                                watch, q_e, nullptr)
         .bending();
   };
   CHECK_NEAR(bending(uniform) / left([=](int k) { return speed * k; }), 1, 0.01);
@@ -258,8 +259,8 @@ TEST_EACH(
     for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(rate * kPeriod * k * (3 + i));
     Extended q_e = readings_at(truth, x), desired = readings_at(scene.robot, x);
     q_e[n] += jump;
-    return monitor_faults(scene.robot, scene.settings, prior.weighing(), motors_of(desired),
-                             q_e, scene.seen, scene.believed);
+    return monitor_faults(scene.robot, scene.settings, prior.weighing(),
+                          motors_of(scene.robot, desired), q_e, scene.seen, scene.believed);
   };
   for (int k = 0; k < 1000; ++k) CHECK(cycle(fast, 10, k, 0).status == Status::ok);
   for (int k = 0; k < 500; ++k) CHECK(cycle(slow, 0.3, k, 0).status == Status::ok);
@@ -444,7 +445,7 @@ TEST_EACH(for_each,
 TEST("a sensor at which a law holds the platform is not stuck, whatever the motors' encoders say") {
   int stuck = 0;
   for_each([&](const Mechanism& mechanism) {
-    const int n = dof(K);
+    const int n = dof(mechanism.robot.mobility);
     for (const bool held : {true, false}) {
       Scene scene(mechanism);
       scene.settings.chi2.fill(1e12);  // a geometry so unknown that nothing disagrees

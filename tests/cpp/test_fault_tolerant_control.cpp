@@ -14,8 +14,8 @@ constexpr double kPeriod = 1e-3;
 
 /// A robot at rest, its readings off by what no calibration has told, under a fault-tolerant law.
 struct FaultTolerantRobot {
-  static const int n = dof(K);
-  explicit FaultTolerantRobot(const Mechanism& mechanism) : robot(mechanism.robot), prior(robot) {
+  explicit FaultTolerantRobot(const Mechanism& mechanism)
+      : K(mechanism.robot.mobility), n(dof(K)), robot(mechanism.robot), prior(robot) {
     known = !!place_poles(robot, robot.home, 100, 1, settings);
     fault_settings.monitor.fastest.fill(500);
     prepare(fault_settings.monitor);
@@ -26,7 +26,7 @@ struct FaultTolerantRobot {
   }
   Outcome cycle(const Extended& q_e) {
     return control_fault_tolerant(robot, settings, fault_settings, setpoint, q_e, state,
-                                     prior.weighing(), fault_state);
+                                  prior.weighing(), fault_state);
   }
   /// What the motors hold at home.
   Joint weight() const {
@@ -35,6 +35,8 @@ struct FaultTolerantRobot {
     return torque;
   }
 
+  Mobility K;
+  int n;
   Robot robot;
   Prior prior;
   bool known;  ///< the robot has gains, and readings

@@ -8,7 +8,7 @@ using namespace mechanisms;
 namespace {
 
 Vec3 home_side(const Robot& robot) {
-  return to_pose(K, robot.home).D;
+  return to_pose(robot.mobility, robot.home).D;
 }
 
 /// Checks that D comes back, at one pose, from the motors and the orientation.
@@ -85,7 +85,7 @@ TEST_EACH(for_each,
       Closure closure;
       Jacobians jacobians;
       if (!ikm(robot, pose, closure) || !jacobian(closure, jacobians) ||
-          jacobians.sign() != robot.assembly_sign)
+          jacobians.sign != robot.assembly_sign)
         continue;
       ++reached;
       Pose alone = to_pose(K, robot.home), found = alone;
@@ -182,8 +182,8 @@ TEST_EACH(for_each, "both working modes of every arm are forward models of their
     CHECK(ikm(robot, pose, closure));
     double largest = 0;  // of J: how far 1e-5 m is from a singularity of this mode
     CHECK(jacobian(closure, jacobians));
-    for (const auto& row : jacobians.J)
-      for (const double entry : row) largest = std::max(largest, std::fabs(entry));
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) largest = std::max(largest, std::fabs(jacobians.J[i][j]));
     if (largest > 30) continue;
     ++tried;
     for (int i = 0; i < n; ++i)

@@ -1,6 +1,7 @@
 // Closure of every rod when the axes are not exact. The full level against its own closures.
 #include "full_robots.hpp"
 #include "truepose/full/rkm.hpp"
+#include "truepose/math/dense.hpp"
 
 using namespace mechanisms;
 
@@ -9,9 +10,9 @@ namespace {
 /// Largest gap of a rod, from the points themselves: what full.hpp's algebra must come to.
 double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
   double gap = 0;
-  for (int i = 0; i < dof(K); ++i) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     const Chain& chain = robot.chain[i];
-    const Mat3 R = chain.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(pose.psi[chain.bar]));
+    const Mat3 R = chain.bar < 0 ? pose.R : pose.R * rotation_z(pose.psi[chain.bar]);
     for (const double side : {1.0, -1.0}) {
       const double half = 0.5 * side * chain.rod_spacing;
       const Vec3 B = chain.base + driven_point(chain, q[i]).p + half * pair_direction(chain);
@@ -48,7 +49,7 @@ TEST_EACH(for_each_full,
     for (const FullPose& found : {near, far}) {
       gap = std::max(gap, largest_gap(robot, found, closure.q));
       worst = std::max(
-          {worst, distance(K, found, pose), distance<Mobility::spatial>(found, closure.pose)});
+          {worst, distance(K, found, pose), distance(Mobility::spatial, found, closure.pose)});
       for (int k = 0; k < robot.full.bars; ++k)
         worst = std::max(worst, std::fabs(found.psi[k] - closure.pose.psi[k]));
     }
@@ -76,10 +77,10 @@ TEST("a tilt that keeps θ has the two turns asked for, and leaves θ where it w
 double energy(const Robot& robot, const FullPose& pose, const Joint& q) {
   FullClosure at;
   at.pose = pose;
-  for (int i = 0; i < dof(K); ++i) at.driven[i] = driven_point(robot.chain[i], q[i]);
+  for (int i = 0; i < dof(robot.mobility); ++i) at.driven[i] = driven_point(robot.chain[i], q[i]);
   complete_closure(robot, at);
   double sum = 0;
-  for (int rod = 0; rod < kMaxRods; ++rod)
+  for (int rod = 0; rod < rods_of(robot); ++rod)
     sum += 0.5 * std::pow(at.f[rod] / at.driven[rod / 2].rod, 2);
   return sum;
 }
@@ -111,7 +112,7 @@ TEST(
         const double step = (2 * s - 1) * h;
         if (freedom < 3) moved.D[freedom] += step;
         if (freedom >= 3 && freedom < 6)
-          moved.R = exp_so3(step * Vec3(Vec3::Unit(freedom - 3))) * moved.R;
+          moved.R = exp_so3(step * Vec3::Unit(freedom - 3)) * moved.R;
         if (freedom == 6) moved.psi[0] += step, moved.psi[1] += step;
         side[s] = energy(robot, moved, there.q);
       }
@@ -142,7 +143,7 @@ TEST_EACH(for_each_full, "a solution that starts at its neighbour's is the same,
     warm += other.iterations;
     for (int i = 0; i < n; ++i)
       apart = std::max(apart, std::fabs(from_ideal.q[i] - from_near.q[i]));
-    apart = std::max(apart, (from_ideal.pose.R - from_near.pose.R).norm());
+    apart = std::max(apart, dense(from_ideal.pose.R - from_near.pose.R).norm());
   }
   CHECK_NEAR(apart, 0, 1e-13);
   CHECK(warm < 0.75 * cold);

@@ -56,7 +56,7 @@ TEST_EACH(
       }
       for (int s = 0; s < robot.r; ++s) {
         double chained = 0;
-        for (int i = 0; i < kMaxRods; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
+        for (int i = 0; i < rods_of(robot); ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
         const double slope = derivative([&](double h) {
           Reading there;
           std::array<FullRow, kMaxSensors> unused;

@@ -1,9 +1,22 @@
 // Inverse kinematics, poses and rotations.
+#include <Eigen/Geometry>
+
 #include "mechanisms.hpp"
 #include "truepose/control/command.hpp"
 #include "truepose/control/trajectory.hpp"
+#include "truepose/math/dense.hpp"
 
 using namespace mechanisms;
+
+namespace {
+
+/// A rotation, by Eigen.
+Mat3 turn(double angle, const Vec3& axis) {
+  return plain(
+      Eigen::AngleAxisd(angle, Eigen::Map<const Eigen::Vector3d>(axis.data())).toRotationMatrix());
+}
+
+}  // namespace
 
 TEST_EACH(for_each, "every loop closes to rounding") {
   check::Random random(1);
@@ -20,7 +33,7 @@ TEST_EACH(for_each, "every loop closes to rounding") {
       Vec3 B = chain.base;
       double rod = chain.rod;
       if (chain.actuator == Actuator::revolute)
-        B += chain.arm * Eigen::AngleAxisd(position, chain.axis)._transformVector(chain.zero);
+        B += chain.arm * (turn(position, chain.axis) * chain.zero);
       else if (chain.actuator == Actuator::prismatic)
         B += position * chain.axis;
       else
@@ -35,7 +48,7 @@ TEST("a rod is too short for the nearest point that its motor reaches, too long 
   check::Random random(4);
   long apart[3] = {};
   for_each([&](const Mechanism& mechanism) {
-    for (int i = 0; i < dof(K); ++i) {
+    for (int i = 0; i < dof(mechanism.robot.mobility); ++i) {
       const Chain& chain = mechanism.robot.chain[i];
       for (int sample = 0; sample < 40; ++sample) {
         const Vec3 d = 0.4 * Vec3(random(), random(), random()) * (1 + sample % 4);
@@ -88,13 +101,13 @@ TEST("rotations: log undoes exp at the identity, near it, at random and near π"
     for (int k = 0; k < 500; ++k) {
       const Vec3 axis = Vec3(random(), random(), random()).normalized();
       const Mat3 R = exp_so3(angle * axis);
-      CHECK_NEAR((R * R.transpose() - Mat3::Identity()).norm(), 0, 3e-15);
-      CHECK_NEAR((R - Eigen::AngleAxisd(angle, axis).toRotationMatrix()).norm(), 0, 3e-15);
+      CHECK_NEAR(dense(R * R.transpose() - Mat3::Identity()).norm(), 0, 3e-15);
+      CHECK_NEAR(dense(R - turn(angle, axis)).norm(), 0, 3e-15);
       CHECK_NEAR((log_so3(R) - angle * axis).norm(), 0, 1e-14);
     }
   // At π exactly the axis' sign is free.
-  const Mat3 half = Eigen::AngleAxisd(pi, Vec3(1, 2, -2) / 3).toRotationMatrix();
-  CHECK_NEAR((exp_so3(log_so3(half)) - half).norm(), 0, 1e-14);
+  const Mat3 half = turn(pi, Vec3(1, 2, -2) / 3);
+  CHECK_NEAR(dense(exp_so3(log_so3(half)) - half).norm(), 0, 1e-14);
 }
 
 TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones") {
@@ -106,7 +119,7 @@ TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones
       const Pose end = moved(K, start, step);
       const Joint back = difference(K, end, start);
       for (int i = 0; i < n; ++i) CHECK_NEAR(back[i], step[i], 1e-14);
-      CHECK_NEAR((end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
+      CHECK_NEAR(dense(end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
       CHECK_NEAR(distance(K, to_pose(K, to_coordinates(K, end)), end), 0, 3e-15);
     }
 }
@@ -118,7 +131,7 @@ TEST_EACH(
   const Joint from = random_pose(mechanism, random), to = random_pose(mechanism, random);
   const double T = 0.2, h = 1e-5;
   for (const double time : {-1.0, 0.0, T, 5.0}) {
-    const Setpoint point = quintic(from, to, T, time);
+    const Setpoint point = quintic(K, from, to, T, time);
     const Joint& expected = time > 0 ? to : from;
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(point.x[i], expected[i], 1e-15);
@@ -127,8 +140,8 @@ TEST_EACH(
     }
   }
   for (double time = 0.01; time < T; time += 0.01) {
-    const Setpoint before = quintic(from, to, T, time - h), at = quintic(from, to, T, time),
-                   after = quintic(from, to, T, time + h);
+    const Setpoint before = quintic(K, from, to, T, time - h), at = quintic(K, from, to, T, time),
+                   after = quintic(K, from, to, T, time + h);
     const Joint step = difference(K, to_pose(K, after.x), to_pose(K, before.x));
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(step[i] / (2 * h), at.rate[i], 1e-7);

@@ -40,8 +40,9 @@ class Scene {
   check::Random random{61};  // first: what follows draws from it
 
  public:
-  static const int n = dof(K);
   Robot robot;
+  const Mobility K = robot.mobility;
+  const int n = dof(K);
   Pose pose;
   Extended q_e{}, expected{};
   Knowledge known;
@@ -116,7 +117,7 @@ TEST_EACH(for_each, "a reading that was not taken leaves the others' equations a
 }
 
 TEST("a line with fewer readings than freedoms determines no pose") {
-  Scene<Mobility::planar_translation> scene(five_bar());
+  Scene scene(five_bar());
   for (int c = 0; c < 3; ++c) scene.q_e[c] = NAN;
   Line line;
   RowMatrix work(2 * scene.readings(), parameter_count(scene.robot));

@@ -12,12 +12,12 @@ constexpr double kPeriod = 1e-3;
 /// A robot that moves about home under the joint law, and the observer of its momentum.
 class Scene {
  public:
-  static const int n = dof(K);
   Scene(const Mechanism& mechanism, double count, std::uint64_t seed)
-      : robot(mechanism.robot),
+      : n(dof(mechanism.robot.mobility)),
+        robot(mechanism.robot),
         truth(counted(mechanism.robot, count)),
         box_(mechanism.box),
-        plant(truth, {}, to_pose(K, robot.home), seed),
+        plant(truth, {}, to_pose(robot.mobility, robot.home), seed),
         control_settings(settings_for(robot, Law::joint)) {
     check::Random random(seed);
     for (int i = 0; i < n; ++i) phase_[i] = 3 * random();
@@ -30,7 +30,7 @@ class Scene {
     CHECK(plant.rest());
   }
   static Robot counted(Robot robot, double count) {
-    for (int i = 0; i < n; ++i) robot.chain[i].encoder_step = count;
+    for (int i = 0; i < robot.motors; ++i) robot.chain[i].encoder_step = count;
     return robot;
   }
   Setpoint at(double t) const {
@@ -54,8 +54,8 @@ class Scene {
     Extended q_e{};
     CHECK(plant.measure(q_e));
     Pose pose = plant.pose();
-    CHECK(fkm(robot, motors_of(q_e), pose).status == Status::ok);
-    if (state.started) sample_momentum(settings, pose, state.torque, observer);
+    CHECK(fkm(robot, motors_of(robot, q_e), pose).status == Status::ok);
+    if (state.started) sample_momentum(robot, settings, pose, state.torque, observer);
     for (int step = 0; step < kMomentumSteps; ++step)
       CHECK(observe_momentum(robot, settings, observer));
     CHECK(control(robot, control_settings, setpoint, q_e, state));
@@ -67,6 +67,7 @@ class Scene {
     for (int k = 0; k < seconds / kPeriod; ++k) cycle();
   }
 
+  int n;
   Robot robot, truth;
   Coordinates box_;
   Plant plant;

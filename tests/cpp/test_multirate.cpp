@@ -19,7 +19,7 @@ Coordinates at(const Mechanism& mechanism, double k) {
 
 Extended read_at(const Mechanism& mechanism, const Robot& truth, double k) {
   Extended q_e{};
-  CHECK(extended(truth, to_pose(K, at(mechanism, k)), q_e));
+  CHECK(extended(truth, to_pose(truth.mobility, at(mechanism, k)), q_e));
   return q_e;
 }
 
@@ -76,7 +76,6 @@ TEST_EACH(for_each, "samples with timestamps are carried from their own time, be
 
 TEST("a sample that is no newer than the last, from the future or too old counts as not arrived") {
   const Mechanism mechanism = h4();
-  constexpr Mobility K = Mobility::schoenflies;
   const Robot& robot = mechanism.robot;
   Multirate late;
   CHECK(start(all_stamped(10, 8), late));
@@ -214,7 +213,7 @@ TEST("a period or an age that is none, or too long, is refused and named") {
   CHECK(late.which == 0 && arrivals(late.settings, 0) == 0);
   Extended q_e{};
   Robot robot;
-  CHECK(compensate_latency<Mobility::spatial>(robot, late, q_e).status == Status::unfinished);
+  CHECK(compensate_latency(robot, late, q_e).status == Status::unfinished);
 }
 
 TEST_EACH(

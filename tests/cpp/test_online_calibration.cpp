@@ -2,6 +2,7 @@
 #include "mechanisms.hpp"
 #include "reference.hpp"
 #include "truepose/full/linearise.hpp"
+#include "truepose/math/dense.hpp"
 
 using namespace mechanisms;
 
@@ -34,19 +35,18 @@ class Scene {
   check::Random& random() { return random_; }
 
   /// What the true robot reads at a pose, off by at most √3 σ.
-  Extended read(const Joint& x) {
+  Extended read(Level level, const Joint& x) {
     Extended q_e{};
     PoseRows H_x;
     Parasitic rest;
-    CHECK(linearise(level, truth, to_pose(K, x), q_e, H_x, nullptr, rest));
-    for (int c = 0; c < dof(K) + robot.r; ++c)
+    CHECK(linearise(level, truth, to_pose(robot.mobility, x), q_e, H_x, nullptr, rest));
+    for (int c = 0; c < dof(robot.mobility) + robot.r; ++c)
       q_e[c] += std::sqrt(3) * learner_.state.sigma[c] * random_();
     return q_e;
   }
   /// Learns from one row at a random pose.
-  Outcome row(const Mechanism& mechanism) {
-    return calibrate_online<Model>(learner_,
-                                      read<Model>(random_pose(mechanism, random_, 0.5)));
+  Outcome row(Level level, const Mechanism& mechanism) {
+    return calibrate_online(level, learner_, read(level, random_pose(mechanism, random_, 0.5)));
   }
   Eigen::VectorXd mean() const {
     Eigen::VectorXd mean(count());
@@ -95,14 +95,14 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
   const int rows = n + scene.robot.r, p = scene.count();
   const Eigen::VectorXd before = scene.mean();
   const RowMatrix P = scene.covariance();
-  const Extended q_e = scene.read<Model>(mechanism.robot.home);
+  const Extended q_e = scene.read(level, mechanism.robot.home);
   // About a ξ of linearisation, so that nothing counts as curvature.
   std::vector<double> about(parameter_count(scene.robot));
   CHECK(drawn_parameters(scene.robot, about.data()));
   scene.learner().settings.linearised = about.data();
   OnlineCalibrator& learner = scene.learner();
-  CHECK((observe<Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
-                           learner.pose, learner.work)));
+  CHECK(observe(level, scene.robot, learner.settings, q_e, scene.state(), learner.robot,
+                learner.pose, learner.work));
 
   // Densely: x unknown with a flat prior. Linearised at x̂ less the last small step.
   Pose pose = learner.pose;
@@ -139,20 +139,20 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
 TEST_MODELS("a robot that differs within its tolerances passes the gate from its first line on") {
   Scene scene(mechanism, 12);
   for (long k = 0; k < check::sample_size(200); ++k)
-    CHECK((scene.row<Model>(mechanism).status == Status::ok));
+    CHECK(scene.row(level, mechanism).status == Status::ok);
 }
 
 TEST_MODELS("where one reading alone is wrong, the others teach what they teach without it") {
   const auto taught = [&](bool wrong) {
     Scene scene(mechanism, 13);
-    for (int k = 0; k < 60; ++k) CHECK((scene.row<Model>(mechanism)));
-    Extended q_e = scene.read<Model>(mechanism.robot.home);
+    for (int k = 0; k < 60; ++k) CHECK(scene.row(level, mechanism));
+    Extended q_e = scene.read(level, mechanism.robot.home);
     const std::vector<double> about(scene.state().xi,
                                     scene.state().xi + parameter_count(scene.robot));
     scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
     if (wrong) q_e[n + 1] += 1e3 * scene.state().sigma[n + 1];
     if (!wrong) scene.state().sigma[n + 1] *= 1e7;
-    const Outcome outcome = calibrate_online<Model>(scene.learner(), q_e);
+    const Outcome outcome = calibrate_online(level, scene.learner(), q_e);
     CHECK(outcome.status == (wrong ? Status::disagree : Status::ok));
     CHECK(outcome.chain == (wrong ? n + 1 : -1));
     return scene.mean();
@@ -163,27 +163,27 @@ TEST_MODELS("where one reading alone is wrong, the others teach what they teach 
 
 TEST_MODELS("a line that nothing explains teaches nothing") {
   Scene scene(mechanism, 14, 1);
-  for (int k = 0; k < 60; ++k) CHECK((scene.row<Model>(mechanism)));
+  for (int k = 0; k < 60; ++k) CHECK(scene.row(level, mechanism));
   const Eigen::VectorXd mean = scene.mean();
   const RowMatrix P = scene.covariance();
-  Extended q_e = scene.read<Model>(mechanism.robot.home);
+  Extended q_e = scene.read(level, mechanism.robot.home);
   q_e[n] += 1000 * scene.state().sigma[n];
-  const Outcome outcome = calibrate_online<Model>(scene.learner(), q_e);
+  const Outcome outcome = calibrate_online(level, scene.learner(), q_e);
   CHECK(outcome.status == Status::disagree && outcome.chain == -1);
   CHECK(scene.mean() == mean && scene.covariance() == P);
   for (int cycle = 0; cycle < 100; ++cycle)
-    CHECK((calibrate_online<Model>(scene.learner(), q_e)));
+    CHECK(calibrate_online(level, scene.learner(), q_e));
   CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
 }
 
 TEST_MODELS("readings that keep disagreeing stop it within ten lines, at what was last good") {
   Scene scene(mechanism, 15);
   const auto line = [&] {
-    return scene.read<Model>(random_pose(mechanism, scene.random(), 0.5));
+    return scene.read(level, random_pose(mechanism, scene.random(), 0.5));
   };
   std::vector<Eigen::VectorXd> means;
   for (int k = 0; k < 60; ++k) {
-    CHECK((calibrate_online<Model>(scene.learner(), line())));
+    CHECK(calibrate_online(level, scene.learner(), line()));
     means.push_back(scene.mean());
   }
   int lines = 0;
@@ -191,7 +191,7 @@ TEST_MODELS("readings that keep disagreeing stop it within ten lines, at what wa
   for (; lines < 20 && status != Status::stopped; ++lines) {
     Extended q_e = line();
     q_e[n + 1] += 1000 * scene.state().sigma[n + 1];
-    status = calibrate_online<Model>(scene.learner(), q_e).status;
+    status = calibrate_online(level, scene.learner(), q_e).status;
   }
   CHECK(status == Status::stopped && lines <= 10);
   CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == n + 1);
@@ -199,7 +199,7 @@ TEST_MODELS("readings that keep disagreeing stop it within ten lines, at what wa
   bool earlier = false;
   for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
   CHECK(earlier);
-  CHECK((calibrate_online<Model>(scene.learner(), line()).status == Status::stopped));
+  CHECK(calibrate_online(level, scene.learner(), line()).status == Status::stopped);
   CHECK(scene.mean() == kept);
 }
 
@@ -214,8 +214,7 @@ TEST("random walks take their turns, and all that each would have walked meanwhi
   scene.learner().settings.drift = drift.data();
   const RowMatrix before = scene.covariance();
   for (int k = 0; k < walks * rounds; ++k)
-    CHECK((calibrate_online<Mobility::schoenflies>(
-        scene.learner(), scene.read<Mobility::schoenflies, IdealModel>(mechanism.robot.home))));
+    CHECK(calibrate_online(scene.learner(), scene.read(Level::ideal, mechanism.robot.home)));
   const RowMatrix expected = before + walks * rounds * drift.transpose() * drift;
   CHECK((scene.covariance() - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.maxCoeff());
 }

@@ -8,16 +8,15 @@ namespace {
 /// A robot that is not as drawn, and a controller that learns it.
 class Scene {
  public:
-  static const int n = dof(K);
   explicit Scene(const Mechanism& mechanism)
       : truth(mechanism.robot), prior_(mechanism.robot), learner(prior_.learner(mechanism.robot)) {
-    for (int i = 0; i < n; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
+    for (int i = 0; i < dof(truth.mobility); ++i) truth.chain[i].rod += 1e-4 * (i - 1);
     learner.settings.drifts = 0;
   }
   /// The true robot's readings at a pose; the first motor's `more` further.
   Extended read(const Joint& x, double more = 0) const {
     Extended q_e{};
-    CHECK(extended(truth, to_pose(K, x), q_e));
+    CHECK(extended(truth, to_pose(truth.mobility, x), q_e));
     q_e[0] += more;
     return q_e;
   }
@@ -64,7 +63,7 @@ TEST_EACH(for_each, "what is learnt is what the controller believes in the same 
     CHECK(drawn_parameters(scene.learner.robot, believed.data()));
     const OnlineState& state = scene.learner.state;
     bool same = true;
-    for (int i = 0; i < scene.n; ++i) {
+    for (int i = 0; i < n; ++i) {
       const int rod = chain_column(i) + static_cast<int>(ChainParameter::rod);
       same = same && believed[rod] == state.xi[rod];
     }
@@ -100,18 +99,18 @@ TEST("a robot understood rod by rod is learnt rod by rod") {
   mechanism.robot.level = Level::full;
   mechanism.robot.r = 2;
   CHECK(mechanism.robot.rod_by_rod());
-  Scene<Mobility::schoenflies> scene(mechanism);
+  Scene scene(mechanism);
   scene.truth.chain[1].rod_difference = 1e-3;  // which the ideal level does not see
   Extended q_e{};
-  Matrix<kMaxReadings, 4> H_x;
+  PoseRows H_x;
   const Pose pose = to_pose(Mobility::schoenflies, mechanism.robot.home);
-  CHECK(linearise_full<Mobility::schoenflies>(scene.truth, pose, q_e, H_x, nullptr));
-  Scene<Mobility::schoenflies> ideal(mechanism);
+  CHECK(linearise_full(scene.truth, pose, q_e, H_x, nullptr));
+  Scene ideal(mechanism);
   const Outcome full = scene.learn(q_e),
                 other = calibrate_online(Level::ideal, ideal.learner, q_e);
   CHECK(full && other);
   CHECK(scene.learner.robot.chain[1].rod != ideal.learner.robot.chain[1].rod);
-  Scene<Mobility::schoenflies> again(mechanism);
-  CHECK((calibrate_online(Level::full, again.learner, q_e)));
+  Scene again(mechanism);
+  CHECK(calibrate_online(Level::full, again.learner, q_e));
   CHECK(scene.learner.robot.chain[1].rod == again.learner.robot.chain[1].rod);
 }

@@ -88,7 +88,8 @@ struct Scene {
       cycle.setpoint.acceleration = random_joint(random, 5);
       cycle.any = random_joint(random, 3);
       Parasitic rest;
-      const Pose beside = nearby(K, to_pose(K, cycle.setpoint.x), random, 1e-3 * part);
+      const Pose beside =
+          nearby(robot.mobility, to_pose(robot.mobility, cycle.setpoint.x), random, 1e-3 * part);
       CHECK(exact_readings(robot, beside, cycle.q_e, rest));
     }
   }
@@ -221,7 +222,7 @@ TEST_EACH(for_each, "no estimate does at either level, whether it finds a pose o
   Scene made(mechanism);
   const Weighing by = made.prior.weighing();
   const auto estimated = [&](const Extended& q_e, Pose pose) {
-    bool found = bool(estimate(made.robot, *by.known, q_e, pose, by.work));
+    bool found = bool(estimate(Level::ideal, made.robot, *by.known, q_e, pose, by.work));
     if (paired(K))
       if (made.robot.full.kind == FullKind::exists)
         found = bool(estimate(Level::full, made.robot, *by.known, q_e, pose, by.work)) && found;
@@ -293,7 +294,7 @@ TEST_EACH(for_each, "no safety shell does, whatever stops it, with a fault monit
       Extended q_e = made.at(k).q_e;
       if (k % 300 > 100) q_e[0] = k % 600 > 300 ? NAN : 3;
       static_cast<void>(control_safely(made.robot, settings, limits, setpoint, q_e, state, shell,
-                                          cycle, made.prior.weighing(), monitored));
+                                       cycle, made.prior.weighing(), monitored));
       stops += shell.machine.state == SafetyState::fault;
       return shell.follows;
     });

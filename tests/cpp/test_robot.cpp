@@ -41,7 +41,7 @@ Robot drawn() {
   robot.sensor[0].noise = 1e-4;
   robot.r = robot.bodies = 1;
   robot.body[0].mass = 1;
-  robot.body[0].inertia = Vec3(0, 0, 0.003).asDiagonal();
+  robot.body[0].inertia(2, 2) = 0.003;
   robot.home = {0, 0, -0.5, 0};
   return robot;
 }
@@ -63,7 +63,7 @@ struct Memory {
     learner.robot = robot;
     learner.state = {kUncertain, column.data(), xi.data(), root.data(), known.sigma};
     learner.work = work.data();
-    learner.pose = to_pose<kH4>(robot.home);
+    learner.pose = to_pose(kH4, robot.home);
   }
 };
 
@@ -75,13 +75,13 @@ Outcome outcome_of(const Result& result) {
 /// Asks a robot everything that it can be asked. What it is called with is sound for any robot.
 std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
   const Coordinates x{0.02, -0.03, -0.52, 0.1};
-  const Pose pose = to_pose<kH4>(x);
+  const Pose pose = to_pose(kH4, x);
   Joint q{}, torque{};
   Coordinates found = x, acceleration{};
   Reading r{};
   JointMatrix J{};
   Extended q_e{};
-  Matrix<kMaxReadings, 4> H_x{};
+  PoseRows H_x{};
   ExtendedColumns M{};
   ExtendedRows M_plus{};
   Memory memory;
@@ -99,7 +99,7 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
       {"within_limits", within_limits(robot, q)},
       {"fkm", outcome_of(fkm(robot, q, found))},
       {"fkm_full", outcome_of(fkm_full(robot, q, found))},
-      {"fkm_closed", fkm_closed<kH4>(robot, q, pose.R, Vec3(0, 0, -0.4), D)},
+      {"fkm_closed", fkm_closed(robot, q, pose.R, Vec3(0, 0, -0.4), D)},
       {"rkm", rkm(robot, x, r)},
       {"rkm_full", rkm_full(robot, x, r)},
       {"jacobian", jacobian(robot, x, J)},
@@ -107,17 +107,18 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
       {"parasitic", parasitic(robot, x, torque)},
       {"conditioning", conditioning(robot, x, parallel, torque)},
       {"tej", tej(robot, x, M, M_plus)},
-      {"extended", extended<kH4>(robot, pose, q_e)},
+      {"extended", extended(robot, pose, q_e)},
       {"redundant_fkm", redundant_fkm(robot, q_e, found)},
-      {"read_standing", read_standing<kH4>(robot, to_full(pose), Joint{}, Joint{}, q_e)},
-      {"linearise", linearise<kH4>(robot, pose, q_e, H_x, nullptr)},
-      {"linearise_full", linearise_full<kH4>(robot, pose, q_e, H_x, nullptr)},
-      {"estimate", estimate(Level::ideal, robot, memory.known, q_e, near, memory.work.data()).outcome},
-      {"forward_dynamics", forward_dynamics<kH4>(robot, pose, Joint{}, Joint{}, acceleration)},
+      {"read_standing", read_standing(robot, to_full(pose), Joint{}, Joint{}, q_e)},
+      {"linearise", linearise(robot, pose, q_e, H_x, nullptr)},
+      {"linearise_full", linearise_full(robot, pose, q_e, H_x, nullptr)},
+      {"estimate",
+       estimate(Level::ideal, robot, memory.known, q_e, near, memory.work.data()).outcome},
+      {"forward_dynamics", forward_dynamics(robot, pose, Joint{}, Joint{}, acceleration)},
       {"place_poles", place_poles(robot, x, 100, 1, settings)},
       {"drawn_parameters", drawn_parameters(robot, memory.xi.data())},
       {"set_parameters", set_parameters(robot, memory.xi.data(), other)},
-      {"learn", calibrate_online<kH4>(memory.learner, q_e)}};
+      {"learn", calibrate_online(memory.learner, q_e)}};
   for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::weighted, Law::estimated}) {
     ControlState state;
     settings.law = law;

@@ -47,31 +47,31 @@ TEST_EACH(for_each_pivot,
   const Robot& robot = mechanism.robot;
   check::Random random(74);
   for (int k = 0; k < 200; ++k) {
-    std::array<Driven, kMaxDof> driven;
+    std::array<Driven, kMaxChains> driven;
     for (int i = 0; i < n; ++i) driven[i] = driven_point(robot.chain[i], 2 * random());
-    const Loops loops(robot, driven);
-    typename Loops::At from, at;
-    loops.start(to_pose(K, random_pose(mechanism, random)), from);
+    Loops from, at;
+    from.place(robot, driven, to_pose(K, random_pose(mechanism, random)));
     Coordinates motion{};
     for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
-    loops.after(from, motion, at);
+    at.place(robot, driven, moved(K, from.pose, motion));
     for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
 
     const Carried carried = carried_frames(robot, at.pose);
-    std::array<Lanes<n>, kMaxDof> columns;
-    loops.jx(at, columns);
-    const Points<n> rods = loops.rods(at);
+    Square jx;
+    at.jx(jx);
+    double cost = 0;
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
       const Vec3 lever = carried.pose.R * chain.pivot;
       const Vec3 v = chain.base + driven[i].p - carried.pose.D - lever;
       CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
-      CHECK_NEAR((rods[i] - v).norm(), 0, 1e-15);
+      CHECK_NEAR((at.v[i] - v).norm(), 0, 1e-15);
       Coordinates row;
-      jx_row(carried, v, lever, row);
-      for (int j = 0; j < n; ++j) CHECK_NEAR(columns[j][i], row[j], 1e-16);
+      jx_row(carried, v, lever, row.data());
+      for (int j = 0; j < n; ++j) CHECK_NEAR(jx[i][j], row[j], 1e-16);
+      cost += at.f[i] * at.f[i];
     }
-    CHECK_NEAR(at.cost, (at.f * at.f).sum(), 1e-30);
+    CHECK_NEAR(at.cost, cost, 1e-30);
   }
 }
 

@@ -6,7 +6,7 @@ using namespace mechanisms;
 TEST("healthy robots with counts never trip, under every law, in moves of 0.2 s") {
   for_each([](const Mechanism& mechanism) {
     for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::estimated}) {
-      if (law == Law::cartesian && dof(K) == 6) continue;
+      if (law == Law::cartesian && dof(mechanism.robot.mobility) == 6) continue;
       Bench bench(mechanism, law);
       bench.begin();
       check::Random random(5);
@@ -135,7 +135,7 @@ TEST_EACH(for_each,
     const int named = bench.cycles(100, [&] { return bench.shell.causes != 0; }, freeze);
     CHECK(named > 0 && named <= 100);  // slow motors take the longest
     CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
-    const Setpoint setpoint = quintic(bench.from, bench.to, bench.duration, bench.clock.time);
+    const Setpoint setpoint = quintic(K, bench.from, bench.to, bench.duration, bench.clock.time);
     CHECK(bench.travelled(to_pose(K, setpoint.x)) < 0.040);
   }
 }
@@ -151,7 +151,7 @@ TEST_EACH(for_each,
   bench.request.stop = true;
   double off = 0;
   CHECK(bench.cycles(200, [&] {
-    const Setpoint setpoint = quintic(bench.from, bench.to, bench.duration, bench.clock.time);
+    const Setpoint setpoint = quintic(K, bench.from, bench.to, bench.duration, bench.clock.time);
     off = std::max(off, std::fabs(setpoint.x[0] - to_coordinates(K, bench.plant.pose())[0]));
     return bench.shell.machine.stop == StopKind::brake;
   }) >= 150);
@@ -228,10 +228,10 @@ TEST("of motors that may be faulty only one that stands still off its setpoint i
   monitor.placed = monitor.undecided = true;
   monitor.doubted = 3;
   SafetyCycle plausible, stuck;
-  note_monitor<Mobility::planar_translation>(monitor, plausible);
+  note_monitor(2, monitor, plausible);
   CHECK(plausible.disagree && !plausible.lost && plausible.suspected == 0);
   monitor.reading[1].still = kStill;
   monitor.reading[1].seems = 1e-3;
-  note_monitor<Mobility::planar_translation>(monitor, stuck);
+  note_monitor(2, monitor, stuck);
   CHECK(!stuck.disagree && stuck.lost && stuck.suspected == 2);
 }

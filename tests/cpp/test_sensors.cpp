@@ -63,7 +63,7 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
       if (!seen_from_the_nacelle(row.kind)) continue;
       Sensor& joint = add(row.kind, chain, true);
       joint.direction = robot.chain[chain].axis;
-      joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis.unitOrthogonal();
+      joint.normal = flat ? Vec3::UnitX() : normal_to(robot.chain[chain].axis);
     }
   }
   if (robot.full.bars > 0) add(SensorKind::platform_angle).bar = robot.full.bars - 1;
@@ -139,8 +139,8 @@ void change(Robot& robot, int k, SensorParameter p, double h) {
      : index < 6 ? sensor.direction
      : index < 9 ? sensor.target
                  : sensor.normal)[index % 3] += h;
-  sensor.direction.normalize();
-  sensor.normal.normalize();
+  sensor.direction = sensor.direction.normalized();
+  sensor.normal = sensor.normal.normalized();
 }
 
 /// What a level of the model says at a pose.
@@ -151,7 +151,7 @@ struct Readings {
 };
 Readings read_at(bool full, const Robot& robot, const Pose& pose) {
   Readings at;
-  at.H_xi.resize((dof(K) + robot.r) * parameter_count(robot));
+  at.H_xi.resize((dof(robot.mobility) + robot.r) * parameter_count(robot));
   CHECK(full ? linearise_full(robot, pose, at.q_e, at.H_x, at.H_xi.data())
              : linearise(robot, pose, at.q_e, at.H_x, at.H_xi.data()));
   return at;
@@ -164,7 +164,7 @@ void for_each_with_sensors(F&& f) {
   for_each([&](const Mechanism& mechanism) {
     Robot robot = mechanism.robot;
     const bool full = robot.full.kind == FullKind::same || robot.full.own();
-    for (int i = 0; i < dof(mobility()); ++i) {
+    for (int i = 0; i < dof(robot.mobility); ++i) {
       robot.chain[i].encoder_offset = 0.01 * (i + 1);
       robot.chain[i].encoder_gain = i == 2 ? -0.8 : 1 + 0.1 * i;  // one counts backwards
       if (robot.chain[i].actuator == Actuator::revolute)
@@ -177,10 +177,10 @@ void for_each_with_sensors(F&& f) {
       change(robot, i, ChainParameter::rod_difference, 2e-5 * (i + 1));
     }
     robot.gravity = Vec3(2, -1, -9);  // of a base that does not stand upright
-    std::vector<Sensor> all = sensors_of(robot, mobility());
+    std::vector<Sensor> all = sensors_of(robot, robot.mobility);
     for (std::size_t k = 0; k < all.size(); ++k)
       if (rotary(all[k])) spin(all[k].eccentricity, 0.02, k % 2 ? 4 : 1);
-    const int most = std::min(kMaxSensors, kMaxReadings - dof(mobility()));
+    const int most = std::min(kMaxSensors, kMaxReadings - dof(robot.mobility));
     for (std::size_t first = 0; first < all.size(); first += most) {
       robot.r = 0;
       for (std::size_t k = first; k < all.size() && robot.r < most; ++k)

@@ -15,13 +15,13 @@ TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and e
     double strayed = 0;
     Sample last{};
     Prior prior(robot);
-    CHECK(Loop(robot, robot, settings_for(robot, law), robot.home, run.seed,
-                  Extras{prior.weighing()})
-              .move(run, [&](const Sample& sample) {
-                strayed =
-                    std::max(strayed, distance(K, to_pose(K, sample.x), to_pose(K, sample.x_d)));
-                last = sample;
-              }));
+    CHECK(
+        Loop(robot, robot, settings_for(robot, law), robot.home, run.seed, Extras{prior.weighing()})
+            .move(run, [&](const Sample& sample) {
+              strayed =
+                  std::max(strayed, distance(K, to_pose(K, sample.x), to_pose(K, sample.x_d)));
+              last = sample;
+            }));
     CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
     CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, to)), 0, 1e-6);
   }

@@ -4,8 +4,6 @@
 using namespace mechanisms;
 
 namespace {
-constexpr Mobility kFour = Mobility::schoenflies;
-
 /// One sign of each reading, and two exchanged of every pair.
 std::vector<Miswiring> miswirings(const Robot& robot, bool incremental) {
   std::vector<Miswiring> all;
@@ -42,7 +40,7 @@ TEST_EACH(for_each, "weak motors, whose pushes deflect the brakes, pass: no brak
 
 TEST("brakes that close two milliseconds later than they open, known or not") {
   const Robot robot = h4_with(1);
-  StartBench<kFour> known(robot, {1, 1, 0.018, 0.020}), unknown(robot, {1, 1, 0.018, 0.020});
+  StartBench known(robot, {1, 1, 0.018, 0.020}), unknown(robot, {1, 1, 0.018, 0.020});
   known.settings.brake_opens = 0.018;
   known.run();
   unknown.run();
@@ -57,7 +55,7 @@ TEST("72 miswirings of an H4 are found and move it by less than a millimetre") {
     for (const bool incremental : {true, false}) {
       const Robot robot = h4_with(sensors);
       for (const Miswiring& wrong : miswirings(robot, incremental)) {
-        StartBench<kFour> bench(robot);
+        StartBench bench(robot);
         bench.run(wrong);
         ++all;
         named += bench.named(wrong);
@@ -72,7 +70,7 @@ TEST("heavier robots and other poses: every miswiring of incremental encoders is
   const Coordinates from{0.04, -0.03, -0.42, 0.2};
   const Robot robot = h4_with(2);
   for (const Miswiring& wrong : miswirings(robot, true)) {
-    StartBench<kFour> heavy(robot, {1.3, 1}), away(robot, {}, &from);
+    StartBench heavy(robot, {1.3, 1}), away(robot, {}, &from);
     heavy.run(wrong);
     away.run(wrong);
     CHECK(heavy.named(wrong) && heavy.moved < 1e-3);
@@ -81,7 +79,7 @@ TEST("heavier robots and other poses: every miswiring of incremental encoders is
 }
 
 TEST("without pulses the test ends at rest: no torque, no motion") {
-  StartBench<kFour> bench(h4_with(1));
+  StartBench bench(h4_with(1));
   bench.settings.pairs = 0;
   bench.run();
   CHECK(bench.passed() && bench.largest == 0 && bench.moved < 1e-6 && bench.seconds < 1);
@@ -94,7 +92,7 @@ TEST("frozen readings, brakes that stay closed and motors that pull wrongly neve
                                   StartFinding::no_motion, StartFinding::no_torque})
     for (int a = 0; a < 4; ++a) {
       const Miswiring wrong{kind, a, (a + 1) % 4, 1, true};
-      StartBench<kFour> bench(robot);
+      StartBench bench(robot);
       bench.run(wrong);
       CHECK(bench.test.state == StartState::failed);
       if (kind == StartFinding::no_motion) CHECK(bench.found(kind, a));
@@ -106,17 +104,17 @@ TEST("frozen readings, brakes that stay closed and motors that pull wrongly neve
 }
 
 TEST("a brake that does not hold its motor's weight is found") {
-  StartBench<kFour> bench(h4_with(1));
+  StartBench bench(h4_with(1));
   bench.run({StartFinding::brake_slips, 1});
   CHECK(bench.test.state == StartState::failed && bench.moved < 1e-3);
 }
 
 TEST("from an unknown pose, or with contradictory limits, nothing moves") {
-  StartBench<kFour> unknown(h4_with(1)), wrong(h4_with(1));
+  StartBench unknown(h4_with(1)), wrong(h4_with(1));
   unknown.run({}, false);
   CHECK(unknown.found(StartFinding::unknown_pose, -1));
   wrong.limits.torque[2] = NAN;
-  start_test<kFour>(wrong.robot, wrong.settings, wrong.limits, wrong.first, true, wrong.test);
+  start_test(wrong.robot, wrong.settings, wrong.limits, wrong.first, true, wrong.test);
   CHECK(wrong.found(StartFinding::contradictory_limits, -1));
   CHECK(std::isinf(unknown.test.sigma[0]) && unknown.test.scale[0] == 1);
   for (int i = 0; i < 4; ++i) CHECK(wrong.test.torque[i] == 0);
@@ -125,7 +123,7 @@ TEST("from an unknown pose, or with contradictory limits, nothing moves") {
 
 TEST("a reading that is lost ends the test, whenever it is") {
   for (const int at : {0, 90, 120, 200, 600, 1500}) {
-    StartBench<kFour> bench(h4_with(1));
+    StartBench bench(h4_with(1));
     bench.spoil = [&](int cycle, Extended& q_e) {
       if (cycle >= at) q_e[3] = NAN;
     };
@@ -138,7 +136,7 @@ TEST("a reading that is lost ends the test, whenever it is") {
 TEST("hostile readings never raise a torque beyond its limit or open two brakes") {
   check::Random random(7);
   for (int k = 0; k < 20; ++k) {
-    StartBench<kFour> bench(h4_with(2));
+    StartBench bench(h4_with(2));
     const int from = static_cast<int>(60 + 400 * (1 + random()));
     bench.spoil = [&](int cycle, Extended& q_e) {
       if (cycle > from)

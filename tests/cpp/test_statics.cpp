@@ -12,7 +12,7 @@ namespace {
 /// The robot as built: some rods and arms longer or shorter than drawn.
 Robot built(const Robot& nominal, check::Random& random) {
   Robot truth = nominal;
-  for (int i = 0; i < dof(K); ++i) {
+  for (int i = 0; i < dof(nominal.mobility); ++i) {
     truth.chain[i].rod += 1e-3 * random();
     truth.chain[i].arm += 3e-4 * random();
     truth.chain[i].encoder_offset += 1e-3 * random();
@@ -103,7 +103,7 @@ TEST("settle() never calls a NaN settled") {
     for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
       settings.control.kp.fill(gain);
       Joint x{};
-      CHECK(!settle<Mobility::schoenflies>(robot, robot, settings, robot.home, x));
+      CHECK(!settle(robot, robot, settings, robot.home, x));
     }
   }
 }

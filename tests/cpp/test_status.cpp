@@ -43,7 +43,7 @@ TEST("motor positions that no pose holds are unreachable, by Newton and in close
   Joint q{0.5, 0.5, 0.5, 0.5}, x = robot.home;
   CHECK(fkm(robot, q, x).status == Status::unreachable);
   Vec3 D;
-  CHECK(fkm_closed<Mobility::schoenflies>(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status ==
+  CHECK(fkm_closed(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status ==
         Status::unreachable);
 }
 
@@ -98,7 +98,7 @@ TEST("sphere centres on one line leave the closed form singular") {
     robot.chain[i].base = Vec3(0.1 * i, 0, 0);
   }
   Vec3 D;
-  const Outcome outcome = fkm_closed<Mobility::translation>(robot, Joint{0.3, 0.3, 0.3},
+  const Outcome outcome = fkm_closed(robot, Joint{0.3, 0.3, 0.3},
                                                             Mat3::Identity(), Vec3(0, 0, -1), D);
   CHECK(outcome.status == Status::singular);
 }
@@ -217,7 +217,7 @@ TEST("two rods that cannot meet are unreachable, whichever side of the four is t
     if (length < 1) q[1] = length;  // both at their own base points, farther apart than the pivots
     CHECK(fkm(robot, q, x).status == Status::unreachable);
   }
-  for_each([](const Mechanism& mechanism, auto) {  // and a Delta's three spheres, exactly
+  for_each([](const Mechanism& mechanism) {  // and a Delta's three spheres, exactly
     if (mechanism.robot.mobility != Mobility::translation) return;
     Robot narrow = mechanism.robot;
     Joint q{}, x = narrow.home;
@@ -237,7 +237,7 @@ TEST("a telemeter along its own plane reads nothing, and no function calls that 
   ExtendedRows M_plus;
   CHECK(tej(robot, robot.home, M, M_plus).status == Status::not_finite);
   Extended q_e{};
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose(Mobility::schoenflies, robot.home), q_e)
+  CHECK(extended(robot, to_pose(Mobility::schoenflies, robot.home), q_e)
             .status == Status::not_finite);
 }
 

@@ -16,13 +16,13 @@ void for_each_level(F&& f) {
   for_each([&](const Mechanism& mechanism) {
     Robot robot = mechanism.robot;
     robot.r = 2;
-    for (int i = 0; i < dof(mobility()); ++i) {
+    for (int i = 0; i < dof(robot.mobility); ++i) {
       robot.chain[i].encoder_offset = 0.01 * i;
       robot.chain[i].encoder_gain = i == 1 ? -0.9 : 1 + 0.1 * i;
       if (robot.chain[i].actuator != Actuator::revolute) robot.chain[i].encoder_buildup = 0.04 * i;
       if (robot.full.kind == FullKind::exists) robot.chain[i].rod_difference = 2e-5 * (i + 1);
     }
-    for (int i = 0; i < dof(mobility()); ++i) robot.chain[i].rod_mass *= 10;
+    for (int i = 0; i < dof(robot.mobility); ++i) robot.chain[i].rod_mass *= 10;
     robot.gravity += Vec3(2, 1, 0);
     for (int k = 1; k < robot.bodies; ++k) {
       robot.body[k].bar = robot.chain[k == 1 ? 0 : 1].bar;
@@ -43,7 +43,7 @@ double work(const Robot& robot, const Load& load, const Pose& pose,
     const Body& body = robot.body[k];
     Vec3 at = pose.D + pose.R * body.pivot;
     if (full)
-      at += (body.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(psi[body.bar]))) * body.anchor;
+      at += (body.bar < 0 ? pose.R : pose.R * rotation_z(psi[body.bar])) * body.anchor;
     sum += body.mass * robot.gravity.dot(at);
   }
   for (int i = 0; i < dof(robot.mobility); ++i)
@@ -53,14 +53,12 @@ double work(const Robot& robot, const Load& load, const Pose& pose,
 
 /// The same where the motors stand at q, near a pose.
 double work_at(const Robot& robot, const Load& load, bool full, const Joint& q, const Pose& near) {
-  if (paired(K)) {
-    if (full) {
-      FullPose pose = to_full(near);
-      FullClosure at;
-      CHECK(fkm_full(robot, q, pose, at));
-      return work(robot, load, at.pose, at.pose.psi, true,
-                  [&](int i) { return Vec3(0.5 * (at.lever[2 * i] + at.lever[2 * i + 1])); });
-    }
+  if (full) {
+    FullPose pose = to_full(near);
+    FullClosure at;
+    CHECK(fkm_full(robot, q, pose, at));
+    return work(robot, load, at.pose, at.pose.psi, true,
+                [&](int i) { return 0.5 * (at.lever[2 * i] + at.lever[2 * i + 1]); });
   }
   Pose pose = near;
   CHECK(fkm(robot, q, pose));

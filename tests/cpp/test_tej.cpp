@@ -15,6 +15,7 @@ struct Explicit {
   Dense M, M_plus;
 };
 Explicit by_definition(const Robot& robot, const Joint& x) {
+  const Mobility K = robot.mobility;
   const int n = dof(K);
   JointMatrix J{};
   CHECK(jacobian(robot, x, J));

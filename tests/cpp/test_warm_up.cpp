@@ -30,7 +30,7 @@ class Growing {
   /// One cycle. @param share  growth of base and arms over kGrowth @return whether it is healthy
   bool cycle(double share) {
     Coordinates x = cold_.home;
-    for (int i = 0; i < dof(K); ++i) x[i] += 0.02 * std::sin(0.002 * cycle_ * (3 + i));
+    for (int i = 0; i < dof(cold_.mobility); ++i) x[i] += 0.02 * std::sin(0.002 * cycle_ * (3 + i));
     ++cycle_;
     CHECK(drawn_parameters(cold_, xi_.data()));
     for (int i = 0; i < cold_.chains; ++i)
@@ -38,8 +38,8 @@ class Growing {
         xi_[static_cast<std::size_t>(chain_column(i) + k)] *= 1 + share * kGrowth;
     CHECK(set_parameters(cold_, xi_.data(), grown_));
     Extended q_e{}, believed{};
-    CHECK(extended(grown_, to_pose(K, x), q_e));
-    const Joint desired = motors_of(q_e);
+    CHECK(extended(grown_, to_pose(cold_.mobility, x), q_e));
+    const Joint desired = motors_of(cold_, q_e);
     return monitor_faults(cold_, settings, {&known_, work_.data()}, desired, q_e, seen, believed)
                .status == Status::ok;
   }

@@ -127,7 +127,7 @@ struct Subject {
 inline Subject decode_robot(Bytes& bytes) {
   static const std::vector<mechanisms::Mechanism> all = [] {
     std::vector<mechanisms::Mechanism> list;
-    mechanisms::for_each([&](const mechanisms::Mechanism& one, auto) { list.push_back(one); });
+    mechanisms::for_each([&](const mechanisms::Mechanism& one) { list.push_back(one); });
     return list;
   }();
   const mechanisms::Mechanism& drawn = all[bytes.below(static_cast<int>(all.size()))];

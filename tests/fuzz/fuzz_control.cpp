@@ -24,46 +24,42 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (Joint* gain : {&settings.kp, &settings.kd, &settings.ki})
       for (double& value : *gain) value = bytes.number();
   }
-  with_mobility(robot.mobility, [&](auto mobility) {
-    const Mobility K = robot.mobility;
-    const int n = dof(K);
-    mechanisms::Prior prior(robot);
-    Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
-    CachedGain kept;
-    if (bytes.one_in(2)) weighing.kept = &kept;
-    ControlState state;
-    for (int cycle = 0; cycle < 4; ++cycle) {
-      Setpoint setpoint;
-      setpoint.x = decode_pose(bytes, subject);
-      if (bytes.one_in(2))
-        for (int i = 0; i < n; ++i) setpoint.rate[i] = bytes.number();
-      if (bytes.one_in(2))
-        for (int i = 0; i < n; ++i) setpoint.acceleration[i] = bytes.number();
-      Extended q_e{};
-      if (!extended(robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
-        for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
-      if (bytes.one_in(3)) settings.law = static_cast<Law>(bytes.below(5));
-      const ControlState before = state;
-      const Outcome outcome = control(robot, settings, setpoint, q_e, state, weighing);
-      require(outcome || state.torque == before.torque, "a failed cycle holds the torque");
-      // NaN gains and periods are settings, not readings: their torque is refused as well.
-      require(all_finite(state.torque, n), "control: the torque is finite");
-      require(all_finite(state.error, n), "control: the error is finite");
-      require(all_finite(state.integral, n), "control: the integral is finite");
-      require(all_finite(state.position, n) && all_finite(state.rate, n) &&
-                  all_finite(state.desired, n),
-              "control: the tracking loops are finite");
-      Joint acceleration{};
-      if (forward_dynamics(robot, to_pose(K, setpoint.x), setpoint.rate, state.torque,
-                              acceleration))
-        require(all_finite(acceleration, n), "dynamics: ok is finite");
-    }
-    Robot truth = robot;
-    for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
-    Joint x{};
-    if (settle(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x,
-                  weighing))
-      require(all_finite(x, n), "settle: ok is finite");
-  });
+  const Mobility K = robot.mobility;
+  const int n = dof(K);
+  mechanisms::Prior prior(robot);
+  Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
+  CachedGain kept;
+  if (bytes.one_in(2)) weighing.kept = &kept;
+  ControlState state;
+  for (int cycle = 0; cycle < 4; ++cycle) {
+    Setpoint setpoint;
+    setpoint.x = decode_pose(bytes, subject);
+    if (bytes.one_in(2))
+      for (int i = 0; i < n; ++i) setpoint.rate[i] = bytes.number();
+    if (bytes.one_in(2))
+      for (int i = 0; i < n; ++i) setpoint.acceleration[i] = bytes.number();
+    Extended q_e{};
+    if (!extended(robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
+      for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
+    if (bytes.one_in(3)) settings.law = static_cast<Law>(bytes.below(5));
+    const ControlState before = state;
+    const Outcome outcome = control(robot, settings, setpoint, q_e, state, weighing);
+    require(outcome || state.torque == before.torque, "a failed cycle holds the torque");
+    // NaN gains and periods are settings, not readings: their torque is refused as well.
+    require(all_finite(state.torque, n), "control: the torque is finite");
+    require(all_finite(state.error, n), "control: the error is finite");
+    require(all_finite(state.integral, n), "control: the integral is finite");
+    require(
+        all_finite(state.position, n) && all_finite(state.rate, n) && all_finite(state.desired, n),
+        "control: the tracking loops are finite");
+    Joint acceleration{};
+    if (forward_dynamics(robot, to_pose(K, setpoint.x), setpoint.rate, state.torque, acceleration))
+      require(all_finite(acceleration, n), "dynamics: ok is finite");
+  }
+  Robot truth = robot;
+  for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
+  Joint x{};
+  if (settle(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x, weighing))
+    require(all_finite(x, n), "settle: ok is finite");
   return 0;
 }

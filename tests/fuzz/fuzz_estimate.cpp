@@ -10,6 +10,7 @@ using namespace fuzz;
 
 /// Readings of a pose, perhaps with one spoilt, or any numbers.
 Extended decode_readings(Bytes& bytes, const Subject& subject) {
+  const Mobility K = subject.robot.mobility;
   const int rows = dof(K) + subject.robot.r;
   Extended q_e{};
   if (!extended(subject.robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(6))
@@ -18,12 +19,12 @@ Extended decode_readings(Bytes& bytes, const Subject& subject) {
   return q_e;
 }
 
-template <class Level>
-void check_estimate(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
+void check_estimate(Level level, Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
   const Extended q_e = decode_readings(bytes, subject);
+  const Mobility K = subject.robot.mobility;
   Pose pose = to_pose(K, decode_pose(bytes, subject));
   const Estimate result =
-      estimate<Level>(subject.robot, prior.known(), q_e, pose, prior.weighing().work);
+      estimate(level, subject.robot, prior.known(), q_e, pose, prior.weighing().work);
   require(result.iterations <= kEstimateIterations + 1, "estimate: iterations are bounded");
   if (!result) return;
   require(pose.D.allFinite() && pose.R.allFinite(), "estimate: ok is finite");
@@ -33,8 +34,7 @@ void check_estimate(Bytes& bytes, const Subject& subject, mechanisms::Prior& pri
   require(result.chi2 >= 0 && std::isfinite(result.chi2), "estimate: χ² is a number from 0 up");
 }
 
-template <class Level>
-void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
+void check_learner(Level level, Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
   OnlineCalibrator learner = prior.learner(subject.robot);
   if (bytes.one_in(2)) learner.settings.gate = std::fabs(bytes.number());
   if (bytes.one_in(4)) learner.fresh = bytes.number();
@@ -48,7 +48,7 @@ void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prio
                               root = all(learner.state.root, p * p);
     const long lines = learner.lines;
     const bool gave_up = learner.state.doubt.stopped;
-    const Outcome outcome = calibrate_online<Level>(learner, decode_readings(bytes, subject));
+    const Outcome outcome = calibrate_online(level, learner, decode_readings(bytes, subject));
     // It learns from a line less the reading that it blames; where it gives up, it goes back.
     const bool blames = outcome.status == Status::disagree && outcome.chain >= 0;
     const bool gives_up = learner.state.doubt.stopped != gave_up;
@@ -60,12 +60,11 @@ void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prio
   }
 }
 
-template <class Level>
-void check_level(Bytes& bytes, const Subject& subject) {
+void check_level(Level level, Bytes& bytes, const Subject& subject) {
   mechanisms::Prior prior(subject.robot);
   if (bytes.one_in(4)) prior.known().sigma[bytes.below(kMaxReadings)] = bytes.number();
-  check_estimate<Level>(bytes, subject, prior);
-  check_learner<Level>(bytes, subject, prior);
+  check_estimate(level, bytes, subject, prior);
+  check_learner(level, bytes, subject, prior);
 }
 
 }  // namespace
@@ -74,11 +73,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Bytes bytes(data, size);
   const bool full = bytes.one_in(2);
   const Subject subject = decode_robot(bytes);
-  with_mobility(subject.robot.mobility, [&](auto mobility) {
-    const Mobility K = robot.mobility;
-    if (paired(K))
-      if (full) return check_level<FullModel>(bytes, subject);
-    check_level<IdealModel>(bytes, subject);
-  });
+  check_level(full && paired(subject.robot.mobility) ? Level::full : Level::ideal, bytes, subject);
   return 0;
 }

@@ -11,13 +11,14 @@ using namespace fuzz;
 
 /// The motors of a pose that the forward model found are those it was given.
 void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
+  const Mobility K = robot.mobility;
   const Pose pose = to_pose(K, x);
   Closure closure;
   const Outcome outcome = ikm(robot, pose, closure);
   for (int i = 0; i < dof(K); ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
-    const Vec3 lever = turned(pose.R, chain.pivot);
+    const Vec3 lever = pose.R * chain.pivot;
     const Vec3 v = chain.base + driven.p - pose.D - lever - chain.anchor;
     const double size = chain.base.norm() + driven.p.norm() + pose.D.norm() + lever.norm() +
                         chain.anchor.norm() + driven.rod;
@@ -35,6 +36,7 @@ void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
 }
 
 void check_pose(const Robot& robot, const Joint& x, double band) {
+  const Mobility K = robot.mobility;
   const int n = dof(K);
   Joint q{};
   if (ikm(robot, x, q)) require(all_finite(q, n), "ikm: ok is finite");
@@ -81,18 +83,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Extended q_e{};
   for (int k = 0; k < robot.r; ++k) q_e[dof(robot.mobility) + k] = bytes.number();
   std::copy_n(q.begin(), dof(robot.mobility), q_e.begin());
-  with_mobility(robot.mobility, [&](auto mobility) {
-    const Mobility K = robot.mobility;
-    check_pose(robot, x, band);
-    const FkmResult result = fkm(robot, q, found);
-    require(result.iterations <= 2 * kFkmIterations, "fkm: iterations are bounded");
-    if (result) {
-      require(all_finite(found, dof(K)), "fkm: ok is finite");
-      if (subject.buildable) check_forward(robot, q, found);
-    }
-    Joint estimate{};
-    if (redundant_fkm(robot, q_e, estimate))
-      require(all_finite(estimate, dof(K)), "redundant fkm: ok is finite");
-  });
+  check_pose(robot, x, band);
+  const FkmResult result = fkm(robot, q, found);
+  require(result.iterations <= 2 * kFkmIterations, "fkm: iterations are bounded");
+  if (result) {
+    require(all_finite(found, dof(robot.mobility)), "fkm: ok is finite");
+    if (subject.buildable) check_forward(robot, q, found);
+  }
+  Joint estimate{};
+  if (redundant_fkm(robot, q_e, estimate))
+    require(all_finite(estimate, dof(robot.mobility)), "redundant fkm: ok is finite");
   return 0;
 }

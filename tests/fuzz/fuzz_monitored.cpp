@@ -52,8 +52,9 @@ void spoil(Bytes& bytes, int rows, Extended& q_e) {
 }
 
 void drive_with_faults(Bytes& bytes, const Subject& subject) {
-  const int n = dof(K);
   const Robot& robot = subject.robot;
+  const Mobility K = robot.mobility;
+  const int n = dof(K);
   const int rows = n + robot.r;
   ControlSettings settings;
   settings.law = static_cast<Law>(bytes.below(5));
@@ -111,8 +112,8 @@ void drive_with_faults(Bytes& bytes, const Subject& subject) {
     clock.advance(settings.period, fault_state.stop);
     require(clock.time >= before && clock.rate >= 0 && clock.rate <= 1,
             "a path's time does not run backwards, nor faster");
-    static_cast<void>(control_fault_tolerant(robot, settings, fault_settings, clock.paced(at),
-                                                q_e, state, prior.weighing(), fault_state));
+    static_cast<void>(control_fault_tolerant(robot, settings, fault_settings, clock.paced(at), q_e,
+                                             state, prior.weighing(), fault_state));
     finite(state, n, rows);
     finite(fault_state.monitor, rows, robot.r);
     for (int i = 0; i < n; ++i) {
@@ -135,7 +136,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Subject subject = decode_robot(bytes);
   if (bytes.one_in(2))
     for (int i = 0; i < dof(subject.robot.mobility); ++i) subject.robot.chain[i].torque_limit = 50;
-  with_mobility(subject.robot.mobility,
-                [&](auto mobility) { drive_with_faults(bytes, subject); });
+  drive_with_faults(bytes, subject);
   return 0;
 }

@@ -156,8 +156,8 @@ inline Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Par
   return {};
 }
 
-inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
-                          Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
+Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
+                   Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
 
 /// Computes a law's reference at x_d.
 /// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)

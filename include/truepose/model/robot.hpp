@@ -194,13 +194,17 @@ struct Robot {
 static_assert(std::is_trivially_copyable_v<Robot> && std::is_standard_layout_v<Robot>);
 
 inline constexpr int kMobilities = 8;
+/// Number of freedoms. (An unfinished robot's mobility may be invalid; it has any.)
 constexpr int dof(Mobility mobility) {
   constexpr std::array<int, kMobilities> sizes{2, 3, 3, 4, 6, 1, 2, 3};
-  return sizes[static_cast<std::size_t>(mobility)];
+  const auto index = static_cast<std::size_t>(mobility);
+  return sizes[index < sizes.size() ? index : 0];
 }
 
 /// Whether passive axes carry the platform: x are their angles.
-constexpr bool is_rotational(Mobility mobility) { return mobility >= Mobility::rotational_1; }
+constexpr bool is_rotational(Mobility mobility) {  // no invalid one is, of a robot to be refused
+  return mobility >= Mobility::rotational_1 && mobility <= Mobility::rotational_3;
+}
 /// Number of passive axes.
 constexpr int passive_axes(Mobility mobility) {
   return is_rotational(mobility) ? dof(mobility) : 0;
