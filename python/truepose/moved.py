@@ -40,7 +40,6 @@ MODULES = {
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
     "truepose.paper": "truepose_paper",
-    "truepose.show.plotted": "truepose_paper.plotted",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",

@@ -66,7 +66,7 @@ def test_the_set_is_the_best_or_nearly(problem, n):
 
 @pytest.mark.parametrize(
     "how",
-    [(), ("reference_pose",), ("reference_pose", "reference_sigma")],
+    [(), ("reference_pose",), ("reference_pose", "reference_sigma"), ("relative_to",)],
     ids="+".join,
 )
 @pytest.mark.parametrize("level", ["ideal", "full"])
@@ -76,13 +76,14 @@ def test_what_is_promised_is_the_bound(any_robot, anywhere, rng, how, level):
     robot = equipped(any_robot)
     known = {key: 1e-4 if key == "reference_sigma" else robot.home for key in how}
     at = anywhere(robot, 1, rng)[0]
-    use = Use(poses=[robot.home, at], **known)
-    plan = tp.plan_poses(robot, 6, candidates=40, level=level, use=use)
+    relative = {key: known[key] for key in how if key == "relative_to"}
+    use = Use(poses=[robot.home, at], **{key: known[key] for key in how if key not in relative})
+    plan = tp.plan_poses(robot, 6, candidates=40, level=level, use=use, **relative)
     for k in (0, 3, 6):
         x = np.concatenate([np.zeros((0, robot.n)), *(step.poses for step in plan.steps[:k])])
         P = tp.accuracy(robot, plan.over, x, level=level, **known)
         assert plan.sigma[k, -1] == pytest.approx(P.rms, rel=1e-6)
-    assert (np.diff(plan.sigma[:, -1]) <= 1e-12).all()
+    assert (np.diff(plan.sigma[:, -1]) <= 1e-12).all() or "relative_to" in how
     assert plan.everything <= plan.sigma[-1, -1] * (1 + 1e-9)
 
 
@@ -343,6 +344,7 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
         ({"candidates": [[0.0, 0, 0]]}, "must be"),
         ({"use": Use(poses=[[3.0, 0, 0, 0]])}, "poses 0: cannot be reached"),
         ({"use": Use(calibrated_on=[[0, 0, -0.4, 0]])}, "calibrated_on: a plan chooses these"),
+        ({"relative_to": [0.0, 0]}, "relative_to: shape"),
         ({"seen": True, "candidates": 20}, "seen: needs candidates with measured_sigma"),
     ],
 )
@@ -487,7 +489,7 @@ def test_amounts_of_influences_are_as_unknown_on_candidates_as_they_were_on_the_
 def test_the_weights_of_a_plan_are_the_slope_of_its_cost(seeing):
     """M with d cost = tr(M dΣ)."""
     rows = rows_of(seeing, CandidatePoses(poses=drawn(seeing, 60, 0)), "full")
-    sought = Sought(seeing, rows, "full", None)
+    sought = Sought(seeing, rows, "full", None, np.zeros((0, seeing.n)))
     G, step = posterior(rows.known, rows.C, range(20)), 1e-3
     slope = (sought.cost((1 + step) * G) - sought.cost((1 - step) * G)) / (2 * step)
     assert slope == pytest.approx(2 * np.trace(sought.weights(G) @ G @ G.T), rel=step)

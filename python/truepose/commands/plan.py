@@ -51,6 +51,9 @@ def command(
     seen: bool = Option(
         False, "--seen", help="With --outside: accuracy of the pose in the tracker's frame."
     ),
+    relative_to: str | None = Option(
+        None, metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."
+    ),
     sensors: options.SensorsOption = None,
     conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
@@ -81,6 +84,7 @@ def command(
         after=None if after is None else fit_of(loaded, after),
         target=options.parse_target(loaded, target),
         use=where.use(loaded),
+        relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
         level=level,
         seen=seen,
         seed=seed,

@@ -15,7 +15,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import UNKNOWNS
-from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, rows_of
+from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
 from truepose.design.exchange import Exchange, certified, chosen_of, posterior
 from truepose.design.linear import gains, rows_at
 from truepose.design.pose_plan import PosePlan
@@ -49,6 +49,7 @@ def plan_poses(
     after: Calibration | ArrayLike | Mapping[str, ArrayLike] | None = None,
     target: float | None = None,
     use: Use = AS_BUILT,
+    relative_to: ArrayLike | None = None,
     level: Level | None = None,
     seen: bool = False,
     seed: int = 0,
@@ -75,7 +76,7 @@ def plan_poses(
         Requested σ of the position, m; the plan has no more poses than it needs.
     use : Use
         Where the accuracy counts, by default on a grid over the workspace, and the reference pose.
-    level
+    relative_to, level
         As for :func:`truepose.accuracy`.
     seen : bool
         Predict the accuracy of the pose in the frame of the candidates' tracker, which is
@@ -135,7 +136,11 @@ def plan_poses(
         raise InputError(
             "seen: needs candidates with measured_sigma, of a tracker in a frame of its own"
         )
-    sought = (Seen if seen else Sought)(robot, rows, level, use.poses)
+    reference = given_poses(robot, relative_to, "relative_to", one=True)
+    if seen and len(reference):
+        raise InputError("seen: refers to the tracker's frame, relative_to to the base frame")
+    criterion = Seen if seen else Relative if len(reference) else Sought
+    sought = criterion(robot, rows, level, use.poses, reference)
     found, count = _chosen(sought, n, target), len(rows.steps)
     if sampled and found and not candidates.differences and not len(candidates.influences):
 
@@ -164,7 +169,7 @@ def plan_poses(
         sigma=np.array([sought.sigma(sought.after(found[:k])) for k in range(len(found) + 1)]),
         random=np.array([sought.left(measured) for measured in sets]),
         everything=sought.left(range(count)),
-        bound=certified(*asked, found, sought.weights, sought.cost) ** 0.5 if not seen else np.nan,
+        bound=sought.bound(found),
         longer=(more - len(found), sought.left(longer)),
         candidates=count,
         left_out=rows.left_out,
@@ -244,6 +249,7 @@ class Sought:
     rows: Rows
     level: Level
     asked: ArrayLike | None  #: poses, (T, c); by default a grid over the workspace
+    reference: Array  #: (1, n) or (0, n) pose whose estimate is subtracted
 
     def __post_init__(self) -> None:
         robot = self.robot
@@ -284,10 +290,33 @@ class Sought:
         """Return the mean variance of the position."""
         return float(self.sigma(G)[-1] ** 2)
 
+    def bound(self, measured: list[int]) -> float:
+        """Return σ of the position that no as many candidates undercut; NaN: not known."""
+        if type(self) is not Sought:  # the cost of the others is not convex
+            return np.nan
+        rows = self.rows
+        return float(certified(rows.C, rows.known, measured, self.weights, self.cost) ** 0.5)
+
     def weights(self, G: Array) -> Array:
         """Return M of the optimal gains for a Σ: tr(M Σ) is the variance due to the unknowns."""
         A = self._errors(G)[0][:, self._linear]
         return np.tensordot(A, A, ((0, 1), (0, 1))) / len(A)
+
+
+class Relative(Sought):
+    """The accuracy of the difference from the estimate at a reference pose."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        names = knowledge.learnable(self.robot)
+        H, B = rows_at(self.robot, self.reference, names, "reference", self.level)
+        self._there = H, B @ self.rows.root[: self._own]
+
+    def _errors(self, G: Array) -> tuple[Array, Array]:
+        (by_unknowns, K), (H, B) = super()._errors(G), self._there
+        there = gains(H, B @ G)
+        both = np.concatenate([K, np.broadcast_to(-there, K.shape)], axis=2)
+        return by_unknowns - there @ B, both
 
 
 class Seen(Sought):
