@@ -17,11 +17,11 @@
 #include <cstring>
 
 #include "../tests/cpp/rotational.hpp"
-#include "truepose/control/command.hpp"
-#include "truepose/control/safe_control.hpp"
-#include "truepose/estimation/online_calibrator.hpp"
-#include "truepose/offline/plant.hpp"
-#include "truepose/offline/safety_defaults.hpp"
+#include "control/command.hpp"
+#include "control/safe_control.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "simulation/plant.hpp"
+#include "control/safety_defaults.hpp"
 
 using namespace truepose;
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "h4.hpp"
-#include "truepose/offline/plant.hpp"  // stands for the machine
+#include "simulation/plant.hpp"  // stands for the machine
 
 using namespace truepose;
 

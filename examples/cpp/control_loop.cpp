@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "h4.hpp"
-#include "truepose/offline/plant.hpp"  // stands for the machine
+#include "simulation/plant.hpp"  // stands for the machine
 
 using namespace truepose;
 using Clock = std::chrono::steady_clock;

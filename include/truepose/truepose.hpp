@@ -10,8 +10,8 @@
 #include <array>
 #include <type_traits>
 
-#include "truepose/model/sizes.hpp"
-#include "truepose/model/status.hpp"
+#include "truepose/sizes.hpp"
+#include "truepose/status.hpp"
 #include "truepose/truepose.h"
 
 namespace truepose {

@@ -1,7 +1,7 @@
 // Batch calibration for C: offline, unlike the rest of src/c.
-#include "truepose/offline/calibrate.hpp"
+#include "calibration/calibrate.hpp"
 
-#include "model.hpp"
+#include "c/model.hpp"
 #include "truepose/calibrate.h"
 
 using namespace truepose;

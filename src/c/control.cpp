@@ -1,7 +1,7 @@
 // Laws, controllers and fault-tolerant controllers for C.
 #include <bit>
 
-#include "controllers.hpp"
+#include "c/controllers.hpp"
 
 using namespace truepose;
 
@@ -281,8 +281,8 @@ truepose_outcome truepose_control_fault_tolerant(
     if (!weighs.sound) return weighs.sound;
     if (!c::monitors(*setup, robot, finest)) return c::kUnfinished;
     const Outcome outcome = control_fault_tolerant(
-          robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
-          c::values<Extended>(q_e), made->state, weighs.weighing, setup->state, made->late);
+        robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
+        c::values<Extended>(q_e), made->state, weighs.weighing, setup->state, made->late);
     c::give(made->state.torque, torque);
     c::report_on(*setup, report);
     return outcome;
@@ -302,9 +302,9 @@ truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
     if (!weighs.sound) return weighs.sound;
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
-    const Outcome outcome = monitor_faults(robot, setup->settings.monitor, weighs.weighing,
-                                        c::values<Joint>(desired), read, setup->state.monitor,
-                                        stands);
+    const Outcome outcome =
+        monitor_faults(robot, setup->settings.monitor, weighs.weighing, c::values<Joint>(desired),
+                       read, setup->state.monitor, stands);
     if (outcome) c::give(stands, believed);
     c::report_on(*setup, report);
     return outcome;

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "description.hpp"
-#include "model.hpp"
+#include "c/description.hpp"
+#include "c/model.hpp"
 
 namespace truepose::c {
 struct SlowSensors : InMemory<truepose_multirate, SlowSensors, 0x776f6c53U> {

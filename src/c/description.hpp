@@ -1,8 +1,12 @@
 // Field-by-field conversion between the C interface's structs and the core's.
 #pragma once
 
-#include "each.hpp"
-#include "truepose/core.hpp"
+#include "c/each.hpp"
+#include "control/fault_tolerant_control.hpp"
+#include "control/safe_control.hpp"
+#include "control/start_test.hpp"
+#include "estimation/estimate.hpp"
+#include "mechanism/geometry.hpp"
 #include "truepose/truepose.h"
 
 namespace truepose::c {

@@ -1,8 +1,8 @@
 // Poses and kinematics for C.
-#include "model.hpp"
-#include "truepose/kinematics/angles_of.hpp"
-#include "truepose/kinematics/gyro.hpp"
-#include "truepose/math/roll_pitch_yaw.hpp"
+#include "c/model.hpp"
+#include "math/roll_pitch_yaw.hpp"
+#include "mechanism/angles_of.hpp"
+#include "mechanism/gyro.hpp"
 
 using namespace truepose;
 

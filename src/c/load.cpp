@@ -1,6 +1,6 @@
 // Validation of a C table: every count, index, enum and number is checked before use.
-#include "description.hpp"
-#include "model.hpp"
+#include "c/description.hpp"
+#include "c/model.hpp"
 
 namespace truepose::c {
 namespace {

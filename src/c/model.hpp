@@ -5,7 +5,16 @@
 #include <cstring>
 #include <new>
 
-#include "truepose/core.hpp"
+#include "control/command.hpp"
+#include "control/fault_tolerant_control.hpp"
+#include "control/joints.hpp"
+#include "control/safe_control.hpp"
+#include "control/start_test.hpp"
+#include "estimation/estimate.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "mechanism/fkm.hpp"
+#include "mechanism/full_linearise.hpp"
+#include "mechanism/geometry.hpp"
 #include "truepose/truepose.h"
 
 namespace truepose::c {

@@ -1,6 +1,6 @@
 // The observer of external forces for C.
-#include "controllers.hpp"
-#include "truepose/offline/momentum_defaults.hpp"
+#include "c/controllers.hpp"
+#include "control/momentum_defaults.hpp"
 
 using namespace truepose;
 
@@ -57,7 +57,7 @@ truepose_outcome truepose_fault_monitor_observe(const truepose_model* model,
     c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
     if (setup == nullptr) return c::kUnfinished;
     observe_forces(robot, setup->settings, setup->settings.monitor.period, true,
-                                 c::values<Joint>(torque), setup->state);
+                   c::values<Joint>(torque), setup->state);
     return Outcome{};
   });
 }

@@ -1,5 +1,5 @@
 // Estimation and online calibration for C.
-#include "model.hpp"
+#include "c/model.hpp"
 
 using namespace truepose;
 

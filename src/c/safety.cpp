@@ -1,9 +1,9 @@
 // The safety shell for C.
 #include <bit>
 
-#include "controllers.hpp"
-#include "truepose/control/safe_control.hpp"
-#include "truepose/offline/safety_defaults.hpp"
+#include "c/controllers.hpp"
+#include "control/safe_control.hpp"
+#include "control/safety_defaults.hpp"
 
 using namespace truepose;
 
@@ -113,8 +113,8 @@ truepose_outcome truepose_control_safely(
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made->late};
     const Outcome outcome = control_safely(
-          robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
-          c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
+        robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
+        c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
     c::report_on(safe->shell, report);
     return outcome;
   });

@@ -1,6 +1,6 @@
 // The start-up test for C.
-#include "truepose/control/start_test.hpp"
-#include "controllers.hpp"
+#include "control/start_test.hpp"
+#include "c/controllers.hpp"
 
 using namespace truepose;
 
@@ -57,8 +57,8 @@ truepose_outcome truepose_start_test_cycle(const truepose_model* model, truepose
     if (made == nullptr) return c::kUnfinished;
     const c::Known by(robot, known, work);
     if (!by.sound) return by.sound;
-    start_test(robot, made->settings, made->limits, c::values<Extended>(q_e),
-                             referenced != 0, made->test, by.weighing);
+    start_test(robot, made->settings, made->limits, c::values<Extended>(q_e), referenced != 0,
+               made->test, by.weighing);
     const StartTest& now = made->test;
     *report = truepose_start_report{};
     report->state = static_cast<std::int32_t>(now.state);

@@ -1,8 +1,8 @@
 // Controller settings of the tests.
 #pragma once
 
+#include "control/control.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/control.hpp"
 
 namespace mechanisms {
 

@@ -1,8 +1,8 @@
 // Energy of a robot, by its model's masses: a check on its motion.
 #pragma once
 
+#include "control/dynamics.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/dynamics.hpp"
 
 namespace mechanisms {
 
@@ -30,7 +30,7 @@ inline Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& r
     result.potential -=
         robot.body[i].mass *
         robot.gravity.dot(closure.placed().D + closure.placed().R * robot.body[i].pivot +
-                            robot.body[i].anchor);
+                          robot.body[i].anchor);
   return outcome;
 }
 

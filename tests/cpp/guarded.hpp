@@ -1,10 +1,10 @@
 // A robot inside the safety shell that follows its path exactly, and what holds in every cycle.
 #pragma once
 
+#include "control/safety_defaults.hpp"
+#include "control/trajectory.hpp"
 #include "controllers.hpp"
 #include "rotational.hpp"
-#include "truepose/control/trajectory.hpp"
-#include "truepose/offline/safety_defaults.hpp"
 
 namespace pivots_tested {
 

@@ -8,9 +8,9 @@
 #include <numbers>
 
 #include "check.hpp"
-#include "truepose/control/law.hpp"
-#include "truepose/estimation/online_calibrator.hpp"
-#include "truepose/full/full.hpp"
+#include "control/law.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "mechanism/full.hpp"
 
 namespace mechanisms {
 
@@ -362,15 +362,15 @@ void for_each(F&& f) {
 
 /// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
 /// mobility K, its n freedoms and its mechanism.
-#define TEST_EACH(list, statement)                                                     \
+#define TEST_EACH(list, statement)                                                        \
   static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Mobility K, int n); \
-  TEST(statement) {                                                                    \
-    list([](const Mechanism& mechanism) {                                              \
-      CHECK_JOIN(each_, __LINE__)                                                      \
-      (mechanism, mechanism.robot.mobility, dof(mechanism.robot.mobility));            \
-    });                                                                                \
-  }                                                                                    \
-  static void CHECK_JOIN(each_, __LINE__)([[maybe_unused]] const Mechanism& mechanism, \
+  TEST(statement) {                                                                       \
+    list([](const Mechanism& mechanism) {                                                 \
+      CHECK_JOIN(each_, __LINE__)                                                         \
+      (mechanism, mechanism.robot.mobility, dof(mechanism.robot.mobility));               \
+    });                                                                                   \
+  }                                                                                       \
+  static void CHECK_JOIN(each_, __LINE__)([[maybe_unused]] const Mechanism& mechanism,    \
                                           [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
 
 /// Calls f(mechanism, level) for each at its levels.
@@ -383,16 +383,16 @@ void for_each_model(F&& f) {
 }
 
 /// A statement about each robot at its levels. Its body has K, n, the level and the mechanism.
-#define TEST_MODELS(statement)                                                         \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,     \
-                                          Mobility K, int n);                          \
-  TEST(statement) {                                                                    \
-    for_each_model([](const Mechanism& mechanism, Level level) {                       \
-      CHECK_JOIN(each_, __LINE__)                                                      \
-      (mechanism, level, mechanism.robot.mobility, dof(mechanism.robot.mobility));     \
-    });                                                                                \
-  }                                                                                    \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,     \
+#define TEST_MODELS(statement)                                                                 \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level, Mobility K, \
+                                          int n);                                              \
+  TEST(statement) {                                                                            \
+    for_each_model([](const Mechanism& mechanism, Level level) {                               \
+      CHECK_JOIN(each_, __LINE__)                                                              \
+      (mechanism, level, mechanism.robot.mobility, dof(mechanism.robot.mobility));             \
+    });                                                                                        \
+  }                                                                                            \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,             \
                                           [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
 
 /// A random pose of the box, shrunk by `part`.

@@ -4,11 +4,11 @@
 #undef M_PI  // POSIX's: a library that keeps to C++20 has neither
 #undef M_2_SQRTPI
 
-#include "truepose/control/command.hpp"
-#include "truepose/control/safe_control.hpp"
-#include "truepose/estimation/estimate.hpp"
-#include "truepose/estimation/online_calibrator.hpp"
-#include "truepose/full/linearise.hpp"
+#include "control/command.hpp"
+#include "control/safe_control.hpp"
+#include "estimation/estimate.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "mechanism/full_linearise.hpp"
 
 using namespace truepose;
 

@@ -3,10 +3,10 @@
 
 #include <functional>
 
+#include "control/safe_control.hpp"
+#include "control/safety_defaults.hpp"
 #include "controllers.hpp"
-#include "truepose/control/safe_control.hpp"
-#include "truepose/offline/effects.hpp"
-#include "truepose/offline/safety_defaults.hpp"
+#include "simulation/effects.hpp"
 
 namespace mechanisms {
 

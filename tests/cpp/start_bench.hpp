@@ -1,8 +1,8 @@
 // A simulated robot in its start-up test, with brakes that open, and wires that are exchanged.
 #pragma once
 
+#include "control/start_test.hpp"
 #include "safety_bench.hpp"
-#include "truepose/control/start_test.hpp"
 
 namespace mechanisms {
 

@@ -1,9 +1,9 @@
 // Assembly modes: grouping of poses into modes, and their order.
 #include <Eigen/Core>
 
+#include "calibration/dense.hpp"
 #include "mechanisms.hpp"
-#include "truepose/math/dense.hpp"
-#include "truepose/offline/assembly.hpp"
+#include "simulation/assembly.hpp"
 
 using namespace mechanisms;
 
@@ -61,8 +61,7 @@ TEST_EACH(for_each, "every start is one from which the rods can reach") {
       const Vec3 centre = robot.chain[i].base + at.p - robot.chain[i].anchor;
       const Eigen::Vector3d apart = vector(starts[k].D - centre);
       const int axes = dof(robot.mobility) == 2 || robot.mobility == Mobility::planar ? 2 : 3;
-      CHECK(apart.head(axes).cwiseAbs().maxCoeff() <=
-            at.rod + robot.chain[i].pivot.norm() + 1e-12);
+      CHECK(apart.head(axes).cwiseAbs().maxCoeff() <= at.rod + robot.chain[i].pivot.norm() + 1e-12);
     }
   }
   // Home has starts on all its sides.

@@ -2,9 +2,9 @@
 #include <cstring>
 
 #include "in_c.hpp"
+#include "math/roll_pitch_yaw.hpp"
+#include "mechanism/gyro.hpp"
 #include "rotational.hpp"
-#include "truepose/kinematics/gyro.hpp"
-#include "truepose/math/roll_pitch_yaw.hpp"
 
 using namespace pivots_tested;
 

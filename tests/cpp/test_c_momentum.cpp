@@ -1,7 +1,7 @@
 // The momentum observer in C picks up a payload as the core does.
+#include "control/momentum_defaults.hpp"
 #include "in_c.hpp"
 #include "safety_bench.hpp"
-#include "truepose/offline/momentum_defaults.hpp"
 
 using namespace mechanisms;
 

@@ -2,8 +2,8 @@
 // the same where they are fresh, and as good as they claim in between.
 #include <Eigen/LU>
 
+#include "control/fault_tolerant_control.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
 
 using namespace truepose;
 
@@ -138,8 +138,8 @@ TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on pat
     for (int k = 0; k < 400; ++k) {
       const Joint q = scene.kept.q;
       Reference reference;
-      CHECK(refer(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0,
-                  scene.keeping()));
+      CHECK(
+          refer(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0, scene.keeping()));
       CHECK(scene.share(reference.closure.pose, reference.tej) < scene.kept.share);
       refreshed += q != scene.kept.q;
       ++cycles;
@@ -193,8 +193,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       Joint error;
       Pose kept;
       CHECK(refer(scene.robot, Law::estimated, x, reference));
-      CHECK(motor_error(scene.robot, Law::estimated, reference, q_e, error, kept,
-                        scene.keeping()));
+      CHECK(motor_error(scene.robot, Law::estimated, reference, q_e, error, kept, scene.keeping()));
       Pose fresh = kept;  // weights of that pose
       Parasitic rest;
       CHECK(estimate_from(Level::ideal, scene.robot, scene.known(), q_e, fresh, scene.fresh().work,

@@ -1,5 +1,5 @@
 // Calibration: the optimum, its stated σ, and robust losses.
-#include "truepose/offline/calibrate.hpp"
+#include "calibration/calibrate.hpp"
 
 #include "mechanisms.hpp"
 #include "reference.hpp"
@@ -202,8 +202,7 @@ TEST("influences of unknown amounts are learnt with the geometry") {
 }
 
 TEST("axes of which the ideal level does not see the errors widen what it learns") {
-  const SceneOf scene(delta(), 12, 2, false, 1, 3),
-      without(delta(), 12, 2, false, 1, 0);
+  const SceneOf scene(delta(), 12, 2, false, 1, 3), without(delta(), 12, 2, false, 1, 0);
   const CalibrationResult result = scene.calibrate(), other = without.calibrate();
   check_level(scene, result, 100);
   CHECK(result.covariance.rows() == other.covariance.rows());

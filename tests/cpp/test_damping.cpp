@@ -1,8 +1,8 @@
 // Damping at and near singularities, and the paper's law elsewhere.
+#include "control/control.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
-#include "truepose/control/control.hpp"
-#include "truepose/offline/statics.hpp"
+#include "simulation/statics.hpp"
 
 using namespace mechanisms;
 

@@ -1,8 +1,8 @@
 // Equations of motion. Power, energy, symmetry, order of accuracy.
 #include "energy.hpp"
+#include "mechanism/geometry.hpp"
 #include "rotational.hpp"
-#include "truepose/model/geometry.hpp"
-#include "truepose/offline/plant.hpp"
+#include "simulation/plant.hpp"
 
 using namespace pivots_tested;
 

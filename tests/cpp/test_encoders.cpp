@@ -1,8 +1,8 @@
 // Encoders: scale, offset, eccentricity and stops. Nothing; and a stop stops commands alone.
+#include "control/control.hpp"
+#include "mechanism/fkm.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/control.hpp"
-#include "truepose/kinematics/fkm.hpp"
-#include "truepose/offline/plant.hpp"
+#include "simulation/plant.hpp"
 
 using namespace mechanisms;
 

@@ -1,8 +1,8 @@
 // The estimate as the optimum of all readings, and the elimination of the pose.
+#include "calibration/bound.hpp"
+#include "mechanism/full_linearise.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
-#include "truepose/full/linearise.hpp"
-#include "truepose/offline/bound.hpp"
 
 using namespace mechanisms;
 

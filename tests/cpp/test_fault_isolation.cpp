@@ -1,7 +1,7 @@
 // Isolation of the faulty reading.
+#include "control/fault_tolerant_control.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
-#include "truepose/offline/simulate.hpp"
+#include "simulation/simulate.hpp"
 
 using namespace mechanisms;
 

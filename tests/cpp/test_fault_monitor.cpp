@@ -1,11 +1,11 @@
 // Detection of faulty readings, and their substitution.
 #include <climits>
 
+#include "control/fault_monitor.hpp"
+#include "control/parity.hpp"
+#include "control/tracker.hpp"
+#include "math/chi2.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/fault_monitor.hpp"
-#include "truepose/control/parity.hpp"
-#include "truepose/control/tracker.hpp"
-#include "truepose/math/chi2.hpp"
 
 using namespace mechanisms;
 

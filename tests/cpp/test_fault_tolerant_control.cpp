@@ -2,9 +2,9 @@
 // step, stops, asks for brakes, and is reset.
 #include <algorithm>
 
+#include "control/fault_tolerant_control.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
-#include "truepose/offline/simulate.hpp"
+#include "simulation/simulate.hpp"
 
 using namespace mechanisms;
 

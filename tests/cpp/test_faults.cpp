@@ -1,6 +1,6 @@
 // Simulated faults, and the machine under them.
 #include "mechanisms.hpp"
-#include "truepose/offline/simulate.hpp"
+#include "simulation/simulate.hpp"
 
 using namespace mechanisms;
 

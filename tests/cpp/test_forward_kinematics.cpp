@@ -1,15 +1,13 @@
 // Forward kinematics. From the motors, from motors and angle.
+#include "mechanism/fkm.hpp"
+#include "mechanism/fkm_closed.hpp"
 #include "mechanisms.hpp"
-#include "truepose/kinematics/fkm.hpp"
-#include "truepose/kinematics/fkm_closed.hpp"
 
 using namespace mechanisms;
 
 namespace {
 
-Vec3 home_side(const Robot& robot) {
-  return to_pose(robot.mobility, robot.home).D;
-}
+Vec3 home_side(const Robot& robot) { return to_pose(robot.mobility, robot.home).D; }
 
 /// Checks that D comes back, at one pose, from the motors and the orientation.
 void check_closed(const Robot& robot, const Pose& pose) {
@@ -166,7 +164,7 @@ TEST("centres of the spheres in one plane, and almost in one, are no special cas
   for (const double tilt : {0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3})
     for (int k = 0; k < 50; ++k)
       check_closed(robot, to_pose(K, {tilt * random(), tilt * random(), -0.65 + 0.05 * random(),
-                                         tilt * random()}));
+                                      tilt * random()}));
 }
 
 TEST_EACH(for_each, "both working modes of every arm are forward models of their own inverse") {

@@ -1,7 +1,7 @@
 // Closure of every rod when the axes are not exact. The full level against its own closures.
+#include "calibration/dense.hpp"
 #include "full_robots.hpp"
-#include "truepose/full/rkm.hpp"
-#include "truepose/math/dense.hpp"
+#include "mechanism/full_rkm.hpp"
 
 using namespace mechanisms;
 
@@ -16,8 +16,7 @@ double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
     for (const double side : {1.0, -1.0}) {
       const double half = 0.5 * side * chain.rod_spacing;
       const Vec3 B = chain.base + driven_point(chain, q[i]).p + half * pair_direction(chain);
-      const Vec3 A =
-          pose.D + pose.R * chain.pivot + R * (chain.anchor + half * chain.pair_drawn);
+      const Vec3 A = pose.D + pose.R * chain.pivot + R * (chain.anchor + half * chain.pair_drawn);
       const double length = chain.rod + 0.5 * side * chain.rod_difference;
       gap = std::max(gap, std::fabs((B - A).norm() - length));
     }

@@ -1,7 +1,7 @@
 // Answers of the full level. A Jacobian that is its derivative, readings that follow, whether
 // it exists at all, and a status where it cannot answer.
 #include "full_robots.hpp"
-#include "truepose/full/rkm.hpp"
+#include "mechanism/full_rkm.hpp"
 
 using namespace mechanisms;
 

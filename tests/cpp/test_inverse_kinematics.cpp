@@ -1,10 +1,10 @@
 // Inverse kinematics, poses and rotations.
 #include <Eigen/Geometry>
 
+#include "calibration/dense.hpp"
+#include "control/command.hpp"
+#include "control/trajectory.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/command.hpp"
-#include "truepose/control/trajectory.hpp"
-#include "truepose/math/dense.hpp"
 
 using namespace mechanisms;
 

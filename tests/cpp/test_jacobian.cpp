@@ -1,8 +1,8 @@
 // Jacobians against finite differences, in the tangent space.
+#include "mechanism/damping.hpp"
+#include "mechanism/rkm.hpp"
 #include "reference.hpp"
 #include "rotational.hpp"
-#include "truepose/kinematics/damping.hpp"
-#include "truepose/sensors/rkm.hpp"
 
 using namespace pivots_tested;
 

@@ -1,5 +1,5 @@
 // One row of readings as equations in ξ, missing ones left out and outside ones put in.
-#include "truepose/offline/line.hpp"
+#include "calibration/line.hpp"
 
 #include "mechanisms.hpp"
 #include "reference.hpp"
@@ -73,8 +73,8 @@ class Scene {
   Line read(const Outside& outside = {}) {
     Line line;
     RowMatrix work(2 * readings(), parameter_count(robot));
-    CHECK(linearise_line(kernels(K), robot, known, pose, q_e.data(), outside, nullptr,
-                         work.data(), line, rest));
+    CHECK(linearise_line(kernels(K), robot, known, pose, q_e.data(), outside, nullptr, work.data(),
+                         line, rest));
     return line;
   }
   /// Reading c, whitened, as row `at` of A δx + B δu = e.
@@ -122,8 +122,8 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   Line line;
   RowMatrix work(2 * scene.readings(), parameter_count(scene.robot));
   const Outcome outcome =
-      linearise_line(kernels(Mobility::planar_translation), scene.robot, scene.known,
-                     scene.pose, scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
+      linearise_line(kernels(Mobility::planar_translation), scene.robot, scene.known, scene.pose,
+                     scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
   CHECK(outcome.status == Status::singular);
 }
 

@@ -1,5 +1,5 @@
 // Derivatives of measured differences.
-#include "truepose/offline/links.hpp"
+#include "calibration/links.hpp"
 
 #include "mechanisms.hpp"
 #include "reference.hpp"

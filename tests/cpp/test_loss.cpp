@@ -1,8 +1,8 @@
 // Expected weight of a row under a robust loss. Against integrals over its definition.
 #include <numbers>
 
+#include "calibration/loss.hpp"
 #include "check.hpp"
-#include "truepose/offline/loss.hpp"
 
 using namespace truepose;
 

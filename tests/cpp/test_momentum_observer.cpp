@@ -1,8 +1,8 @@
 // External forces observed from torques and motor readings, and their causes.
+#include "control/momentum_defaults.hpp"
+#include "control/momentum_observer.hpp"
 #include "controllers.hpp"
-#include "truepose/control/momentum_observer.hpp"
-#include "truepose/offline/effects.hpp"
-#include "truepose/offline/momentum_defaults.hpp"
+#include "simulation/effects.hpp"
 
 using namespace mechanisms;
 

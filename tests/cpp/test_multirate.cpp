@@ -1,7 +1,7 @@
 // Slow and delayed sensors. The motors' motion carries the last sample to now.
+#include "control/multirate.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/multirate.hpp"
-#include "truepose/offline/bus.hpp"
+#include "simulation/bus.hpp"
 
 using namespace mechanisms;
 

@@ -1,8 +1,8 @@
 // One update of the online calibration filter.
+#include "calibration/dense.hpp"
+#include "mechanism/full_linearise.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
-#include "truepose/full/linearise.hpp"
-#include "truepose/math/dense.hpp"
 
 using namespace mechanisms;
 
@@ -171,16 +171,13 @@ TEST_MODELS("a line that nothing explains teaches nothing") {
   const Outcome outcome = calibrate_online(level, scene.learner(), q_e);
   CHECK(outcome.status == Status::disagree && outcome.chain == -1);
   CHECK(scene.mean() == mean && scene.covariance() == P);
-  for (int cycle = 0; cycle < 100; ++cycle)
-    CHECK(calibrate_online(level, scene.learner(), q_e));
+  for (int cycle = 0; cycle < 100; ++cycle) CHECK(calibrate_online(level, scene.learner(), q_e));
   CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
 }
 
 TEST_MODELS("readings that keep disagreeing stop it within ten lines, at what was last good") {
   Scene scene(mechanism, 15);
-  const auto line = [&] {
-    return scene.read(level, random_pose(mechanism, scene.random(), 0.5));
-  };
+  const auto line = [&] { return scene.read(level, random_pose(mechanism, scene.random(), 0.5)); };
   std::vector<Eigen::VectorXd> means;
   for (int k = 0; k < 60; ++k) {
     CHECK(calibrate_online(level, scene.learner(), line()));

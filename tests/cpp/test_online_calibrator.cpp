@@ -106,8 +106,7 @@ TEST("a robot understood rod by rod is learnt rod by rod") {
   const Pose pose = to_pose(Mobility::schoenflies, mechanism.robot.home);
   CHECK(linearise_full(scene.truth, pose, q_e, H_x, nullptr));
   Scene ideal(mechanism);
-  const Outcome full = scene.learn(q_e),
-                other = calibrate_online(Level::ideal, ideal.learner, q_e);
+  const Outcome full = scene.learn(q_e), other = calibrate_online(Level::ideal, ideal.learner, q_e);
   CHECK(full && other);
   CHECK(scene.learner.robot.chain[1].rod != ideal.learner.robot.chain[1].rod);
   Scene again(mechanism);

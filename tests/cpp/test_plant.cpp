@@ -1,6 +1,6 @@
 // The exact plant: its effects and its initial state.
 #include "mechanisms.hpp"
-#include "truepose/offline/effects.hpp"
+#include "simulation/effects.hpp"
 
 using namespace mechanisms;
 

@@ -1,6 +1,6 @@
 // Noise, counts and slow samples of one reading.
 #include "check.hpp"
-#include "truepose/control/reading_noise.hpp"
+#include "control/reading_noise.hpp"
 
 using namespace truepose;
 

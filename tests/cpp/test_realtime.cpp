@@ -9,13 +9,13 @@
 // inline functions it can see: the attribute on the loop covers all that a step calls.
 #include <cstdlib>
 
+#include "control/command.hpp"
+#include "control/safe_control.hpp"
+#include "control/safety_defaults.hpp"
 #include "controllers.hpp"
-#include "truepose/control/command.hpp"
-#include "truepose/control/safe_control.hpp"
-#include "truepose/estimation/estimate.hpp"
-#include "truepose/full/linearise.hpp"
-#include "truepose/offline/plant.hpp"
-#include "truepose/offline/safety_defaults.hpp"
+#include "estimation/estimate.hpp"
+#include "mechanism/full_linearise.hpp"
+#include "simulation/plant.hpp"
 
 namespace {
 volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable

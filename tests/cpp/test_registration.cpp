@@ -1,5 +1,5 @@
 // Registration of a tracker: its derivatives, and the frames found from measurements.
-#include "truepose/offline/registration.hpp"
+#include "calibration/registration.hpp"
 
 #include <span>
 

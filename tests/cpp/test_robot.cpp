@@ -1,5 +1,14 @@
 // The robot as plain data, and robots that are not finished. By the one include.
-#include "truepose/core.hpp"
+#include "control/command.hpp"
+#include "control/fault_tolerant_control.hpp"
+#include "control/joints.hpp"
+#include "control/safe_control.hpp"
+#include "control/start_test.hpp"
+#include "estimation/estimate.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "mechanism/fkm.hpp"
+#include "mechanism/full_linearise.hpp"
+#include "mechanism/geometry.hpp"
 
 #include <climits>
 #include <functional>

@@ -1,10 +1,10 @@
 // Rotational platforms. Kinematics, gyroscopes, H_ξ.
+#include "estimation/linearise.hpp"
+#include "mechanism/angles_of.hpp"
+#include "mechanism/fkm.hpp"
+#include "mechanism/geometry.hpp"
+#include "mechanism/gyro.hpp"
 #include "rotational.hpp"
-#include "truepose/estimation/linearise.hpp"
-#include "truepose/kinematics/angles_of.hpp"
-#include "truepose/kinematics/fkm.hpp"
-#include "truepose/kinematics/gyro.hpp"
-#include "truepose/model/geometry.hpp"
 
 using namespace pivots_tested;
 

@@ -1,7 +1,7 @@
 // Limits of the safety shell: derived from robots, compared with paths; and the age of frames.
+#include "control/safety_defaults.hpp"
 #include "controllers.hpp"
 #include "rotational.hpp"
-#include "truepose/offline/safety_defaults.hpp"
 
 using namespace pivots_tested;
 

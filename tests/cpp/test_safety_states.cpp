@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "check.hpp"
-#include "truepose/control/safety_states.hpp"
+#include "control/safety_states.hpp"
 
 using namespace truepose;
 

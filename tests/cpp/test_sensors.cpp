@@ -1,8 +1,8 @@
 // Derivatives of the readings at both levels: along the pose, and along every parameter.
 #include <functional>
 
+#include "mechanism/full_linearise.hpp"
 #include "mechanisms.hpp"
-#include "truepose/full/linearise.hpp"
 
 using namespace mechanisms;
 
@@ -203,63 +203,61 @@ Extended derivative(const std::function<Extended(double)>& f) {
 }  // namespace
 
 TEST("H_x is the derivative of every reading along the free twist, the motors following") {
-  for_each_with_sensors(
-      [](bool full, const Mechanism& mechanism, const Robot& robot) {
-        const Mobility K = mechanism.robot.mobility;
-        check::Random random(51);
-        for (int sample = 0; sample < 20; ++sample) {
-          const Pose pose = to_pose(K, random_pose(mechanism, random));
-          const auto at = read_at(full, robot, pose);
-          for (int j = 0; j < dof(K); ++j) {
-            const Extended slope = derivative([&](double h) {
-              Joint step{};
-              step[j] = h;
-              return read_at(full, robot, moved(K, pose, step)).q_e;
-            });
-            for (int k = 0; k < dof(K) + robot.r; ++k)
-              CHECK_NEAR(at.H_x[k][j], slope[k], 1e-8 * (1 + std::fabs(slope[k])));
-          }
-        }
-      });
+  for_each_with_sensors([](bool full, const Mechanism& mechanism, const Robot& robot) {
+    const Mobility K = mechanism.robot.mobility;
+    check::Random random(51);
+    for (int sample = 0; sample < 20; ++sample) {
+      const Pose pose = to_pose(K, random_pose(mechanism, random));
+      const auto at = read_at(full, robot, pose);
+      for (int j = 0; j < dof(K); ++j) {
+        const Extended slope = derivative([&](double h) {
+          Joint step{};
+          step[j] = h;
+          return read_at(full, robot, moved(K, pose, step)).q_e;
+        });
+        for (int k = 0; k < dof(K) + robot.r; ++k)
+          CHECK_NEAR(at.H_x[k][j], slope[k], 1e-8 * (1 + std::fabs(slope[k])));
+      }
+    }
+  });
 }
 
 TEST("every reading's derivative along every parameter is that of its finite differences") {
-  for_each_with_sensors(
-      [](bool full, const Mechanism& mechanism, const Robot& robot) {
-        const Mobility K = mechanism.robot.mobility;
-        const int n = dof(K);
-        check::Random random(52);
-        const int width = parameter_count(robot);
-        for (int sample = 0; sample < 5; ++sample) {
-          const Pose pose = to_pose(K, random_pose(mechanism, random));
-          const auto at = read_at(full, robot, pose);
-          const auto compare = [&](int column, const Extended& slope) {
-            for (int k = 0; k < n + robot.r; ++k)
-              CHECK_NEAR(at.H_xi[k * width + column], slope[k], 1e-7);
-          };
-          const auto varied = [&](auto index, auto parameter) {
-            return derivative([&](double h) {
-              Robot other = robot;
-              change(other, index, parameter, h);
-              return read_at(full, other, pose).q_e;
-            });
-          };
-          for (int i = 0; i < n; ++i)
-            for (int p = 0; p < kChainParameters; ++p)
-              compare(chain_column(i) + p, varied(i, static_cast<ChainParameter>(p)));
-          for (int bar = 0; bar < kMaxBars; ++bar)
-            compare(bar_column(robot, bar), derivative([&](double h) {
-                      Robot other = robot;
-                      for (int i = 0; i < n; ++i)
-                        if (robot.chain[i].bar == bar)
-                          other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
-                      return read_at(full, other, pose).q_e;
-                    }));
-          for (int k = 0; k < robot.r; ++k)
-            for (int p = 0; p < kSensorParameters; ++p)
-              compare(sensor_column(robot, k) + p, varied(k, static_cast<SensorParameter>(p)));
-        }
-      });
+  for_each_with_sensors([](bool full, const Mechanism& mechanism, const Robot& robot) {
+    const Mobility K = mechanism.robot.mobility;
+    const int n = dof(K);
+    check::Random random(52);
+    const int width = parameter_count(robot);
+    for (int sample = 0; sample < 5; ++sample) {
+      const Pose pose = to_pose(K, random_pose(mechanism, random));
+      const auto at = read_at(full, robot, pose);
+      const auto compare = [&](int column, const Extended& slope) {
+        for (int k = 0; k < n + robot.r; ++k)
+          CHECK_NEAR(at.H_xi[k * width + column], slope[k], 1e-7);
+      };
+      const auto varied = [&](auto index, auto parameter) {
+        return derivative([&](double h) {
+          Robot other = robot;
+          change(other, index, parameter, h);
+          return read_at(full, other, pose).q_e;
+        });
+      };
+      for (int i = 0; i < n; ++i)
+        for (int p = 0; p < kChainParameters; ++p)
+          compare(chain_column(i) + p, varied(i, static_cast<ChainParameter>(p)));
+      for (int bar = 0; bar < kMaxBars; ++bar)
+        compare(bar_column(robot, bar), derivative([&](double h) {
+                  Robot other = robot;
+                  for (int i = 0; i < n; ++i)
+                    if (robot.chain[i].bar == bar)
+                      other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
+                  return read_at(full, other, pose).q_e;
+                }));
+      for (int k = 0; k < robot.r; ++k)
+        for (int p = 0; p < kSensorParameters; ++p)
+          compare(sensor_column(robot, k) + p, varied(k, static_cast<SensorParameter>(p)));
+    }
+  });
 }
 
 TEST("a kind's reading depends on the vectors of its mounting, on each of them, and on no other") {

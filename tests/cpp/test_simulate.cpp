@@ -2,7 +2,7 @@
 #include <numbers>
 
 #include "safety_bench.hpp"
-#include "truepose/offline/simulate.hpp"
+#include "simulation/simulate.hpp"
 
 using namespace mechanisms;
 

@@ -2,8 +2,8 @@
 #include <limits>
 
 #include "controllers.hpp"
-#include "truepose/offline/simulate.hpp"
-#include "truepose/offline/statics.hpp"
+#include "simulation/simulate.hpp"
+#include "simulation/statics.hpp"
 
 using namespace mechanisms;
 

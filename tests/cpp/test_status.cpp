@@ -1,9 +1,9 @@
 // Statuses, never a NaN presented as an answer.
 #include <limits>
 
+#include "control/law.hpp"
+#include "mechanism/fkm.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/law.hpp"
-#include "truepose/kinematics/fkm.hpp"
 
 using namespace mechanisms;
 
@@ -43,8 +43,7 @@ TEST("motor positions that no pose holds are unreachable, by Newton and in close
   Joint q{0.5, 0.5, 0.5, 0.5}, x = robot.home;
   CHECK(fkm(robot, q, x).status == Status::unreachable);
   Vec3 D;
-  CHECK(fkm_closed(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status ==
-        Status::unreachable);
+  CHECK(fkm_closed(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status == Status::unreachable);
 }
 
 TEST_EACH(for_each, "a telescopic leg has no negative and no zero length") {
@@ -98,8 +97,8 @@ TEST("sphere centres on one line leave the closed form singular") {
     robot.chain[i].base = Vec3(0.1 * i, 0, 0);
   }
   Vec3 D;
-  const Outcome outcome = fkm_closed(robot, Joint{0.3, 0.3, 0.3},
-                                                            Mat3::Identity(), Vec3(0, 0, -1), D);
+  const Outcome outcome =
+      fkm_closed(robot, Joint{0.3, 0.3, 0.3}, Mat3::Identity(), Vec3(0, 0, -1), D);
   CHECK(outcome.status == Status::singular);
 }
 
@@ -237,8 +236,8 @@ TEST("a telemeter along its own plane reads nothing, and no function calls that 
   ExtendedRows M_plus;
   CHECK(tej(robot, robot.home, M, M_plus).status == Status::not_finite);
   Extended q_e{};
-  CHECK(extended(robot, to_pose(Mobility::schoenflies, robot.home), q_e)
-            .status == Status::not_finite);
+  CHECK(extended(robot, to_pose(Mobility::schoenflies, robot.home), q_e).status ==
+        Status::not_finite);
 }
 
 TEST("every status has its own words") {

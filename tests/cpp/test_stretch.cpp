@@ -1,8 +1,8 @@
 // Compliance of rods, legs and belts under load.
-#include "truepose/offline/stretch.hpp"
+#include "simulation/stretch.hpp"
 
 #include "mechanisms.hpp"
-#include "truepose/offline/plant.hpp"
+#include "simulation/plant.hpp"
 
 using namespace mechanisms;
 
@@ -42,8 +42,7 @@ double work(const Robot& robot, const Load& load, const Pose& pose,
   for (int k = 0; k < robot.bodies; ++k) {
     const Body& body = robot.body[k];
     Vec3 at = pose.D + pose.R * body.pivot;
-    if (full)
-      at += (body.bar < 0 ? pose.R : pose.R * rotation_z(psi[body.bar])) * body.anchor;
+    if (full) at += (body.bar < 0 ? pose.R : pose.R * rotation_z(psi[body.bar])) * body.anchor;
     sum += body.mass * robot.gravity.dot(at);
   }
   for (int i = 0; i < dof(robot.mobility); ++i)

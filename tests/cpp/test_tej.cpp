@@ -1,7 +1,7 @@
 // The extended-to-joint matrix: inverse of M, weights of the sensors.
+#include "control/tej.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
-#include "truepose/control/tej.hpp"
 
 using namespace mechanisms;
 

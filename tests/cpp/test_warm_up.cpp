@@ -1,7 +1,7 @@
 // Warm-up: slow growth of base, arms and rods is a state, faster or larger growth a fault.
+#include "control/fault_monitor.hpp"
+#include "mechanism/geometry.hpp"
 #include "mechanisms.hpp"
-#include "truepose/control/fault_monitor.hpp"
-#include "truepose/model/geometry.hpp"
 
 using namespace mechanisms;
 

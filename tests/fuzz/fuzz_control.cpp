@@ -1,8 +1,8 @@
 // Does any robot, setpoint, reading or change of law make a controller, the dynamics or the statics
 // crash, hang or command a torque that is no number?
+#include "control/control.hpp"
 #include "decode.hpp"
-#include "truepose/control/control.hpp"
-#include "truepose/offline/statics.hpp"
+#include "simulation/statics.hpp"
 
 using namespace fuzz;
 

@@ -1,8 +1,8 @@
 // Does any robot, knowledge or reading make an estimate or the learner crash, hang, call a NaN an
 // answer, or spoil what it had learnt?
 #include "decode.hpp"
-#include "truepose/estimation/online_calibrator.hpp"
-#include "truepose/full/linearise.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "mechanism/full_linearise.hpp"
 
 namespace {
 

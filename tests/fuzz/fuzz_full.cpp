@@ -1,6 +1,6 @@
 // Fuzz target of the full level.
 #include "decode.hpp"
-#include "truepose/full/rkm.hpp"
+#include "mechanism/full_rkm.hpp"
 
 using namespace fuzz;
 

@@ -1,9 +1,9 @@
 // Fuzz target of the ideal level.
+#include "control/command.hpp"
+#include "control/law.hpp"
 #include "decode.hpp"
-#include "truepose/control/command.hpp"
-#include "truepose/control/law.hpp"
-#include "truepose/estimation/linearise.hpp"
-#include "truepose/kinematics/fkm.hpp"
+#include "estimation/linearise.hpp"
+#include "mechanism/fkm.hpp"
 
 namespace {
 

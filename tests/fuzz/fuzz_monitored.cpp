@@ -6,8 +6,8 @@
 // and a stated fault, not to any: test_fault_monitor asks it.
 #include <numbers>
 
+#include "control/fault_tolerant_control.hpp"
 #include "decode.hpp"
-#include "truepose/control/fault_tolerant_control.hpp"
 
 using namespace fuzz;
 

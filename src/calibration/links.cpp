@@ -1,0 +1,150 @@
+#include "calibration/links.hpp"
+
+namespace truepose {
+LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, const double* w) {
+  LinkExpected result;
+  const Vec3 c(w[link.tool], w[link.tool + 1], w[link.tool + 2]);
+  const double* shape = w + link.shape;
+  std::array<Vec3, 2> arm, p, slope;  // slope: ∂f/∂p
+  for (int a = 0; a < link.ends(); ++a) {
+    const Pose& pose = poses[link.line[a]];
+    arm[a] = pose.R * c;
+    p[a] = pose.D + arm[a];
+  }
+  switch (link.kind) {
+    case LinkKind::plane: {
+      const int first = (link.axis + 1) % 3, second = (link.axis + 2) % 3;
+      const Vec3& at = p[0];
+      result.value = at[link.axis] - shape[0] - shape[1] * at[first] - shape[2] * at[second];
+      slope[0] =
+          Vec3::Unit(link.axis) - shape[1] * Vec3::Unit(first) - shape[2] * Vec3::Unit(second);
+      result.shape = {-1, -at[first], -at[second]};
+      break;
+    }
+    case LinkKind::distance: {
+      const Vec3 apart = p[0] - p[1];
+      const double distance = apart.norm();
+      result.value = (1 + shape[0]) * distance + link.times * shape[1];
+      slope[0] = (1 + shape[0]) * (distance > 0 ? apart / distance : Vec3::Zero());
+      slope[1] = -slope[0];
+      result.shape = {distance, link.times, 0};
+      break;
+    }
+    case LinkKind::point:
+      result.value = (p[0] - p[1])[link.axis];
+      slope[0] = Vec3::Unit(link.axis);
+      slope[1] = -slope[0];
+      break;
+  }
+  for (int a = 0; a < link.ends(); ++a) {
+    free_row({mobility, dof(mobility), {}, {}, {}, {}}, slope[a], arm[a].cross(slope[a]),
+             result.H_x[a].data());
+    const Vec3 own = poses[link.line[a]].R.transpose() * slope[a];
+    for (int k = 0; k < 3; ++k) result.tool[k] += own[k];
+  }
+  return result;
+}
+
+std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n) {
+  std::vector<int> root(lines.size()), block(lines.size(), -1);
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](int k) {
+    while (root[k] != k) k = root[k] = root[root[k]];
+    return k;
+  };
+  const auto last = [](const Link& link) { return link.line[link.ends() - 1]; };
+  const auto usable = [&](const Link& link) {
+    return lines[link.line[0]].rows >= n && lines[last(link)].rows >= n;
+  };
+  for (const Link& link : links.link)
+    if (usable(link)) root[find(last(link))] = find(link.line[0]);
+  std::vector<LinkBlock> blocks;
+  for (int k = 0; k < static_cast<int>(links.link.size()); ++k) {
+    const Link& link = links.link[k];
+    if (!usable(link)) continue;
+    int& at = block[find(link.line[0])];
+    if (at < 0) {
+      at = static_cast<int>(blocks.size());
+      blocks.emplace_back();
+    }
+    for (int a = 0; a < link.ends(); ++a)
+      blocks[at].end.push_back({blocks[at].size(), link.line[a]});
+    blocks[at].link.push_back(k);
+  }
+  return blocks;
+}
+
+std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
+                              const Knowledge& known, const std::vector<Pose>& poses,
+                              const std::vector<Line>& lines) {
+  const int n = dof(mobility), p = known.count;
+  std::vector<LinkBlock> blocks = grouped(links, lines, n);
+  for (LinkBlock& all : blocks) {
+    const int m = all.size(), ends = static_cast<int>(all.end.size());
+    all.e.resize(m);
+    all.B.setZero(m, p);
+    all.G.resize(ends, n);
+    all.shared.setZero(m, m);
+    for (int k = 0, end = 0; k < m; ++k) {
+      const Link& link = links.link[all.link[k]];
+      const LinkExpected at = expected(mobility, link, poses.data(), w);
+      all.e[k] = (link.measured - at.value) / link.sigma;
+      const auto enter = [&](int first, const std::array<double, 3>& slope, int count) {
+        for (int i = 0; i < count; ++i) {
+          const int column = links.first + first + i;
+          const double unit = known.root ? known.root[column * (p + 1)] : 1;
+          all.B(k, column) += slope[i] * unit / link.sigma;
+        }
+      };
+      enter(link.tool, at.tool, 3);
+      if (link.kind != LinkKind::point)
+        enter(link.shape, at.shape, link.kind == LinkKind::plane ? 3 : 2);
+      for (int a = 0; a < link.ends(); ++a, ++end) {
+        const Line& line = lines[link.line[a]];
+        auto g = all.G.row(end);  // g R = ∂f/∂x
+        for (int j = 0; j < n; ++j) {
+          g[j] = at.H_x[a][j] / link.sigma;
+          for (int i = 0; i < j; ++i) g[j] -= g[i] * line.R[i][j];
+          g[j] /= line.R[j][j];
+        }
+      }
+    }
+    all.y = all.e;
+    for (int k = 0; k < ends; ++k) {
+      const auto [own, at] = all.end[k];
+      const Line& line = lines[at];
+      all.B.row(own) -= all.G.row(k) * line.B.topRows(n);
+      for (int i = 0; i < n; ++i) all.y[own] -= all.G(k, i) * line.e[i];
+      for (int l = 0; l < ends; ++l)
+        if (all.end[l].line == at)
+          all.shared(own, all.end[l].link) += all.G.row(k).dot(all.G.row(l));
+    }
+    all.weigh(Eigen::VectorXd::Ones(m));
+  }
+  return blocks;
+}
+
+void pull(const LinkBlock& block, const Eigen::VectorXd& step, std::vector<Coordinates>& nu) {
+  const Eigen::VectorXd z = block.C.solve(block.y - block.B * step);
+  for (std::size_t k = 0; k < block.end.size(); ++k)
+    for (int i = 0; i < block.G.cols(); ++i)
+      nu[block.end[k].line][i] += z[block.end[k].link] * block.G(k, i);
+}
+
+void cross_validate(const Links& links, const LinkBlock& block, const Eigen::MatrixXd& root,
+                    std::vector<LinkResult>& result) {
+  const int m = block.size();
+  const Eigen::MatrixXd inverse = block.C.solve(Eigen::MatrixXd::Identity(m, m));
+  const Eigen::MatrixXd half =
+      root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(block.B.transpose() * inverse));
+  const Eigen::VectorXd z = inverse * block.y;
+  for (int k = 0; k < m; ++k) {
+    LinkResult& of = result[block.link[k]];
+    const double sigma = links.link[block.link[k]].sigma;
+    const double P = inverse(k, k) - half.col(k).squaredNorm();
+    of.residual = sigma * block.e[k];
+    of.left_out = sigma * z[k] / P;
+    of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
+  }
+}
+}  // namespace truepose

@@ -1,0 +1,128 @@
+// Differences between visited poses as linear equations in ξ, with the poses eliminated.
+//
+// Examples: a plane touched by the tool, the distance of two tool points, a point visited again.
+// f(x_i, x_j, w) is measured to within σ, with unknowns w of its own. A row's pose is known up to
+// the noise of its elimination (line.hpp): R δx = e - B δu + ν, ν normal with unit covariance. With
+// G = ∂f/∂x R⁻¹ / σ, a block of links that share rows gives
+//
+//   y = B' δu + G ν + ε,  y = (measured - f)/σ - Σ G e,  B' = ∂f/∂w S / σ - Σ G B,
+//
+// equations whose noise has the covariance C = I + GGᵀ: as exact as the elimination of a row. The
+// poses gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε has its own weight.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <numeric>
+#include <vector>
+
+#include "calibration/line.hpp"
+
+namespace truepose {
+/// Kinds of links between tool points p = D + R c.
+enum class LinkKind : int {
+  plane = 0,     ///< p_z - h - a p_x - b p_y; other axes cyclically: x, y, z, x, …
+  distance = 1,  ///< (1 + scale) |p_i - p_j| + times · width
+  point = 2,     ///< a coordinate of p_i - p_j
+};
+
+/// Weight of a link that is ignored: 0 has no inverse.
+inline constexpr double kNothing = 1e-8;
+
+/// One measured difference.
+struct Link {
+  LinkKind kind = LinkKind::plane;
+  std::array<int, 2> line{};  ///< rows; for a plane only the first
+  int tool = 0;               ///< first of the three unknowns c
+  int shape = 0;              ///< first of h, a, b; or of scale and width
+  int axis = 2;               ///< of the plane's normal or the point's coordinate
+  double times = 0;           ///< 1 outside a printed part, -1 inside, 0 from middle to middle
+  double measured = 0, sigma = 1;
+
+  int ends() const { return kind == LinkKind::plane ? 1 : 2; }
+};
+
+/// All measured differences of a log.
+struct Links {
+  std::vector<Link> link;
+  std::vector<double> mean;  ///< of their unknowns w; σ = 0 of the known ones
+  int first = 0;             ///< index of w in the prior, independent of everything else
+};
+
+/// Expected value of a link, and its derivatives.
+struct LinkExpected {
+  double value = 0;
+  std::array<Coordinates, 2> H_x{};       ///< by the twist of each row's pose
+  std::array<double, 3> tool{}, shape{};  ///< by its unknowns
+};
+
+/// @param w  unknowns of all links
+LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, const double* w);
+
+/// Links that share rows and therefore the noise of their poses.
+struct LinkBlock {
+  /// An end of a link: the entry of `link`, and the row whose pose it has.
+  struct End {
+    int link, line;
+  };
+  std::vector<int> link;  ///< indices of the links
+  std::vector<End> end{};
+  Eigen::VectorXd e;  ///< (measured - f)/σ at these poses
+  RowMatrix B;
+  Eigen::VectorXd y;
+  RowMatrix G;             ///< of each end
+  Eigen::MatrixXd shared;  ///< GGᵀ
+  Eigen::VectorXd weight;  ///< c of every link: C = diag(1/c) + GGᵀ
+  Eigen::LLT<Eigen::MatrixXd> C;
+  double cost = 0;  ///< at the best poses
+
+  int size() const { return static_cast<int>(link.size()); }
+  void weigh(const Eigen::VectorXd& by) {
+    weight = by;
+    C.compute(shared + Eigen::MatrixXd(by.cwiseInverse().asDiagonal()));
+  }
+  /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
+  /// because a loss is a concave function of ε².
+  void weigh(const LineLoss& loss) {
+    weigh(Eigen::VectorXd::Constant(size(), loss.factor(0, 1)));
+    for (int round = 0; round < 100; ++round) {
+      const Eigen::VectorXd z = C.solve(y), own = z.cwiseQuotient(weight);  // ε
+      cost = z.dot(y - own);
+      Eigen::VectorXd next(size());
+      for (int k = 0; k < size(); ++k) {
+        cost += loss.cost(own[k] * own[k], 1);
+        next[k] = std::max(loss.factor(own[k] * own[k], 1), kNothing);
+      }
+      if ((next - weight).cwiseAbs().maxCoeff() < 1e-9) break;
+      weigh(next);
+    }
+  }
+};
+
+/// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
+std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n);
+
+/// The links as equations in ξ, in blocks that share rows.
+/// @param poses, lines  of the log; a line without rows is unknown
+/// @param known  parameters including w; without a root in units of each (m, rad, one)
+std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
+                              const Knowledge& known, const std::vector<Pose>& poses,
+                              const std::vector<Line>& lines);
+
+/// Adds the links' effect on every row's ν after the change `step` of u.
+void pull(const LinkBlock& block, const Eigen::VectorXd& step, std::vector<Coordinates>& nu);
+
+/// Result for one measured difference, in its own unit. NaN: of an excluded row.
+struct LinkResult {
+  double residual = NAN;  ///< measured minus expected, with all data
+  double left_out = NAN;  ///< the same without this one's own data, to first order
+  double sigma = NAN;     ///< of left_out
+  double weight = 0;      ///< 1, or less where it is an outlier
+};
+
+/// Cross-validates each link against all other data. With V the covariance of all their y,
+/// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury), û and Σ of all data.
+/// Entry k over P_kk is the residual of link k without itself, σ² = 1/P_kk.
+/// @param root  of the information on u, Σ⁻¹
+void cross_validate(const Links& links, const LinkBlock& block, const Eigen::MatrixXd& root,
+                    std::vector<LinkResult>& result);
+}  // namespace truepose

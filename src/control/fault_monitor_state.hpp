@@ -1,0 +1,143 @@
+// Settings and state of the fault monitor.
+#pragma once
+
+#include "control/law.hpp"
+#include "control/reading_noise.hpp"
+#include "control/warm_up.hpp"
+#include "math/chi2.hpp"
+
+namespace truepose {
+/// Health of a reading.
+enum class Health : int {
+  valid = 0,
+  suspect = 1,  ///< extrapolated for some cycles, or one of several candidates for a fault
+  failed = 2,   ///< until it is repaired and acknowledge() is called
+};
+
+/// Reason why a reading is not valid, or has a larger σ.
+enum class Symptom : int {
+  none = 0,
+  missing = 1,       ///< no number, or larger than any sensor gives
+  out_of_range = 2,  ///< beyond the motor's stops or the sensor's range
+  too_fast = 3,      ///< farther from its prediction than any torque can take it
+  stuck = 4,         ///< unchanged counts while the robot moves
+  disagrees = 5,     ///< with the other readings
+  noisy = 6,         ///< valid, but noisy, coarse or held: smoothed, with a larger σ
+};
+
+/// Constant during a run. Fill it, then call prepare().
+struct FaultMonitorSettings {
+  Real period = 1e-3;           ///< s
+  Real false_alarm = 2.78e-10;  ///< probability per cycle, all tests: one in 1000 h at 1 kHz
+  int refresh = 64;             ///< cycles at most between updates of the geometry's covariance
+  int coast = 5;                ///< cycles of extrapolation before a reading has failed
+  int decide = 20;              ///< cycles of disagreement before the fault counts as undecided
+  int spikes = 3;               ///< so many extrapolated faults, up to 8,
+  int within = 1000;            ///< in so many cycles are a failure
+  Real replaceable = 3e-3;      ///< largest σ of a motor's virtual reading, rad or m
+  /// Travel over which a geometry's error changes by its own size, m or rad.
+  Real correlation = 0.1;
+  Extended fastest{};  ///< largest second derivative of a healthy reading (0: not tested)
+  Extended moved{};    ///< model motion beside unchanged counts that is too large (0: not tested)
+  Joint kp{}, kd{};    ///< 1/s² and 1/s: loops that drive a motor with a frozen encoder
+  Joint rests{};       ///< error at which a healthy motor may rest: counts, friction
+  Joint shaken{};      ///< largest σ per cycle of a virtual reading's noise (0: any)
+  Extended low{}, high{};  ///< range of a reading (equal: not tested)
+  /// Largest growth of base, arms and rods in a warm-up, as shares of their sizes (0: no warm-up).
+  Growths growth{};
+  Real memory = 600;  ///< s over which growths are averaged: drifts within it are faults
+
+  // From prepare():
+  Real sigmas = 0;  ///< limit of a normal variable with the same probability
+  std::array<Real, kMaxSensors + 1> chi2{};  ///< limits, by degrees of freedom
+  TrackerGains own, together;
+  Extended wild{};  ///< jump beyond the noise that may be smoothed
+};
+
+inline constexpr Real kOwnPole = 0.3;     ///< of a reading's own tracker
+inline constexpr Real kParityPole = 0.8;  ///< of the parity's trackers
+inline constexpr Real kUnknown = 1e4;     ///< variance of an unknown error, over V
+inline constexpr Real kSamePlace = 0.1;   ///< travel between updates, over `correlation`
+inline constexpr int kFollowed = 8;       ///< cycles for a reading's own tracker,
+inline constexpr int kSettling = 32;      ///< and for the parity's, to settle after the start
+inline constexpr int kStill = 3;          ///< unchanged cycles after which a reading stands still
+inline constexpr int kSpikesKept = 8;
+inline constexpr Real kWild = 3;        ///< σ of the largest noise that make a jump
+inline constexpr Real kNoNumber = 1e9;  ///< rad or m: larger readings count as missing
+
+/// Computes the limits from the false-alarm probability, shared by the level and change tests.
+/// Tests of single readings have a bound that no torque reaches, with this margin on top.
+void prepare(FaultMonitorSettings& settings);
+
+/// State of one reading.
+struct MonitoredReading {
+  Health health = Health::valid;
+  Symptom symptom = Symptom::none;  ///< the latest
+  bool begun = false;               ///< a first number was read
+  Tracker own;
+  Real spread = 0;      ///< mean square of its innovations
+  Real raw = 0;         ///< in the last cycle
+  Real model = 0;       ///< model value when the reading changed last
+  Real asked = 0;       ///< value to which it was led then
+  Real told = 0;        ///< sensors: the setpoint's motion since then, by the model
+  int still = 0;        ///< cycles since it changed, up to 1000
+  Real seems = 0;       ///< motors: phantom error since then, beyond `rests`,
+  Real speed = 0;       ///< the speed to which it drives the motor,
+  Real way = 0;         ///< and the distance
+  Real behind = 0;      ///< motors: following error, desired minus believed, when last believed
+  Real usual = 0;       ///< its mean while the motor moves,
+  Real off = 0;         ///< its deviation from the mean at the last motion,
+  Real strays = 0;      ///< and the mean square of that
+  Real pushed = 0;      ///< motors: error that external forces caused when the reading changed last
+  int bridged = 0;      ///< consecutive extrapolated cycles
+  bool stands = false;  ///< unchanged while the model moves: extrapolated until it changes or fails
+  ReadingNoise noise;
+  std::int64_t left = -kSettling;  ///< delayed sensors: last cycle in which a motor left its track
+  std::int64_t spikes = 0;
+  std::array<std::int64_t, kSpikesKept> spike{};  ///< cycles of the latest
+};
+
+/// State of the fault monitor. Plain data, the caller's; a new one starts afresh.
+struct FaultMonitor {
+  std::array<MonitoredReading, kMaxReadings> reading;
+  std::uint32_t doubted = 0;  ///< candidates for the fault, as bits; 0: no disagreement
+  int disagreed = 0;          ///< +2 per cycle with several candidates, -1 per cycle without alarm
+  bool undecided = false;     ///< for too long to be isolated: the robot should stop
+  std::uint32_t lost = 0;     ///< failed motors that once had no substitute
+  std::uint32_t without = 0;  ///< failed readings substituted in this cycle
+  std::uint32_t held = 0;     ///< candidate motors held at their setpoints
+  bool changed = false;       ///< one of the two has: the law's input may jump
+  std::int64_t cycle = 0;     ///< since the first one with a pose,
+  std::int64_t began = 0;     ///< and in which the parity's trackers began to settle
+  bool placed = false;        ///< `pose` is known
+  Pose pose;                  ///< of the believed motors
+  Coordinates motion{}, last{};  ///< in this cycle, in the one before
+  Real way = 0;                  ///< since the last update of the geometry's covariance
+  Joint pushed{};                ///< motor errors that external forces cause
+  Joint desired{};               ///< q_d of the last cycle
+  Joint led{};                   ///< by which drives' own loops have led the motors off q_d
+  std::array<Tracker, kMaxSensors> parity;
+  Reading usual{};                              ///< its mean over some cycles
+  Real chi2 = 0;                                ///< level of the parity
+  int freedom = 0;                              ///< its degrees of freedom
+  bool known = false;                           ///< the next two are valid
+  Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
+  Extended beyond{};                            ///< what the full level and the growths add to h
+  WarmUp warm_up;
+  std::int64_t updated = 0;  ///< cycle of the last update of these
+};
+
+/// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the
+/// trackers settle, readings are only tested to be numbers within range.
+void acknowledge(FaultMonitor& monitor, int reading);
+
+namespace fault_monitor_detail {
+/// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed. One
+/// that stands still may be held between slow samples, and one that jumps may become noisy: they
+/// get twice the time. Noise is no jump, unless wild; jumps within the window in which noise is
+/// recognised count once.
+/// @param every  cycles per sample @param wild  it jumps as no noise does
+void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom, int every,
+            bool wild, MonitoredReading& reading);
+}  // namespace fault_monitor_detail
+}  // namespace truepose

@@ -1,0 +1,60 @@
+#include "control/joints.hpp"
+
+namespace truepose {
+Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisState& joints) {
+  Coordinates x = joints.position;
+  const Outcome found = fkm(robot, motors.position, x, cap);
+  if (!found) return found;
+  const int n = dof(robot.mobility);
+  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
+    return Outcome{Status::not_finite, -1};
+  Closure closure;
+  Jacobians at;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
+  if (outcome) outcome = jacobian(closure, at);
+  if (!outcome) return outcome;
+  joints = {x, {}, {}};
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      joints.velocity[i] += at.J[i][j] * motors.velocity[j];
+      joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
+    }
+  return outcome;
+}
+
+Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,
+                      const AxisCommand& wanted, AxisCommand& given) {
+  const int n = dof(robot.mobility);
+  for (const Coordinates* values :
+       {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
+        &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
+    if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
+  const Pose desired = to_pose(robot.mobility, wanted.state.position),
+             now = to_pose(robot.mobility, joints.position);
+  Closure closure;
+  Jacobians at;
+  AxisCommand result;
+  Outcome outcome = command(robot, desired, result.state.position);
+  if (outcome) outcome = ikm(robot, desired, closure, false);
+  if (outcome) outcome = jacobian(closure, at);
+  if (outcome) result.state.velocity = at.joint_rate(wanted.state.velocity);
+  if (outcome) outcome = ikm(robot, now, closure, false);
+  if (outcome) outcome = jacobian(closure, at);
+  if (!outcome) return outcome;
+  const Coordinates away = difference(robot.mobility, desired, now);
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) {
+      const Real J = at.J[i][j];
+      result.kp[j] += J * J * wanted.kp[i];
+      result.kd[j] += J * J * wanted.kd[i];
+      result.state.torque[j] +=
+          J * (wanted.state.torque[i] + wanted.kp[i] * away[i] +
+               wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]));
+    }
+    result.state.torque[j] -= result.kp[j] * (result.state.position[j] - motors.position[j]) +
+                              result.kd[j] * (result.state.velocity[j] - motors.velocity[j]);
+  }
+  given = result;
+  return outcome;
+}
+}  // namespace truepose

@@ -1,0 +1,232 @@
+#include "control/momentum_observer.hpp"
+
+namespace truepose::momentum_detail {
+void filter(Real gain, const Joint& input, Joint& once, Joint& twice) {
+  for (std::size_t i = 0; i < input.size(); ++i) {
+    once[i] += gain * (input[i] - once[i]);
+    twice[i] += gain * (once[i] - twice[i]);
+  }
+}
+
+Coordinates carried(const Robot& robot, const Closure& closure, const Coordinates& rate,
+                    const Coordinates& acceleration) {
+  const Twist twist = to_twist(closure.carried, acceleration);
+  const Vec3 force = twist.velocity + drifting(closure.carried, rate).velocity - robot.gravity;
+  Coordinates columns;
+  free_row(closure.carried, force, Vec3::Zero(), columns.data());
+  return columns;
+}
+
+Closure closed(const Robot& robot, const MomentumObserver& state) {
+  Closure closure;
+  closure.pose = state.before;
+  closure.carried = carried_frames(robot, state.before);
+  std::copy_n(state.chain.begin(), dof(robot.mobility), closure.chain.begin());
+  return closure;
+}
+
+Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
+                        MomentumObserver& state) {
+  const int n = dof(robot.mobility);
+  const Closure closure = closed(robot, state);
+  Jacobians jacobians;
+  const Outcome outcome = jacobian(closure, jacobians);
+  if (!outcome) return outcome;
+  const Joint rate = jacobians.joint_rate(state.rate);
+  const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
+  const Real slow = settings.period * settings.bandwidth * 0.1;
+  Joint slope{};
+  for (int i = 0; i < n; ++i) slope[i] = 1 / closure.chain[i].rate;
+  Joint residual = motor_torques(n, jacobians.J, state.needed, slope);
+  for (int i = 0; i < n; ++i) {
+    const Real turns = rate[i] * closure.chain[i].rate;
+    residual[i] += friction(robot.chain[i], turns) - state.held[i];
+    state.sign[0][i] = -std::clamp<Real>(turns / slow, -1, 1);  // unknown within its counts
+  }
+  if (!all_finite(residual, n)) return {Status::not_finite, -1};
+  for (int i = 0; i < n; ++i) slope[i] = -slope[i];
+  state.mass[0] =
+      motor_torques(n, jacobians.J, carried(robot, closure, state.rate, state.acceleration), slope);
+  filter(gain, residual, state.once, state.residual);
+  state.force = {};
+  for (int i = 0; i < n; ++i) {
+    const Real per_jq = state.residual[i] * closure.chain[i].rate / jacobians.jq[i];
+    for (int j = 0; j < n; ++j) state.force[j] += jacobians.jx[i][j] * per_jq;
+  }
+  return outcome;
+}
+
+void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
+  const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
+  filter(gain, state.mass[0], state.mass[1], state.mass[2]);
+  filter(gain, state.sign[0], state.sign[1], state.sign[2]);
+  const Joint &mass = state.mass[2], &sign = state.sign[2];
+  Joint weight{};  // V⁻¹
+  state.chi2 = 0;
+  for (int i = 0; i < n; ++i) {
+    const Real sigma = settings.sigma[i], share = settings.share * state.torque[i];
+    weight[i] = 1 / (sigma * sigma + share * share);
+    state.chi2 += state.residual[i] * state.residual[i] * weight[i];
+  }
+  constexpr int kLong = 1 << 30;  // cycles: a payload may be carried for months
+  state.quiet = state.chi2 < settings.alarm / 4 ? std::min(state.quiet + 1, kLong) : 0;
+  if (state.since == 0 ? state.chi2 < settings.alarm
+                       : state.quiet * settings.period > settings.over) {
+    if (state.since > 0) {
+      state.payload = {};
+      state.friction.fill({});
+      state.energy.fill(0);
+      state.count = state.size = state.sigma = state.largest = 0;
+      state.disturbance = Disturbance::none;
+      state.motor = -1;
+      state.since = 0;
+    }
+    return;
+  }
+  constexpr Real kSettled = 4;  // time constants of the filter
+  state.since = std::min(state.since + 1, kLong);
+  Real square = 0;
+  for (int i = 0; i < n; ++i) square += state.force[i] * state.force[i];
+  state.largest = std::max(state.largest, std::sqrt(square));
+  if (state.since * gain < kSettled) return;
+  const Real keep = 1 - settings.period / settings.window;
+  state.count = keep * state.count + 1;
+  state.payload.information *= keep;
+  state.payload.score *= keep;
+  Real whole = 0;
+  Cause every;  // the same friction of all motors, dry joints or cold grease, is one cause
+  for (int i = 0; i < n; ++i) {
+    Cause& cause = state.friction[i];
+    cause.information *= keep;
+    cause.score *= keep;
+    state.energy[i] *= keep;
+    // A motor at rest rubs with anything up to its friction: that tells no cause from another.
+    const Real w = weight[i], rho = state.residual[i];
+    const bool rubs = state.disturbance == Disturbance::friction && std::fabs(sign[i]) < kRests &&
+                      std::fabs(rho) < kSticks * state.size;
+    if (rubs) continue;
+    state.payload.information += mass[i] * w * mass[i];
+    state.payload.score += mass[i] * w * rho;
+    cause.information += sign[i] * w * sign[i];
+    cause.score += sign[i] * w * rho;
+    state.energy[i] += rho * w * rho;
+  }
+  for (int i = 0; i < n; ++i) {
+    every.information += state.friction[i].information;
+    every.score += state.friction[i].score;
+    whole += state.energy[i];
+  }
+  Disturbance found = Disturbance::payload;
+  const Cause* of = &state.payload;
+  int motor = -1;
+  Real most = of->accounts();
+  // A motor at rest may rub with less than its friction, in either direction: all of its residual
+  // counts as friction's, as soon as any is against motion.
+  for (int i = 0; i < n; ++i)
+    if (state.friction[i].score > 0 && state.energy[i] > most) {
+      most = state.energy[i];
+      found = Disturbance::friction;
+      of = &state.friction[i];
+      motor = i;
+    }
+  const bool all = every.accounts() > most;
+  if (all) {
+    most = every.accounts();
+    found = Disturbance::friction;
+    of = &every;
+    motor = -1;
+  }
+  const bool same = found == state.disturbance && motor == state.motor;
+  if (most > (same ? settings.kept : settings.named) * whole) {
+    state.disturbance = found;
+    state.motor = motor;
+    state.size = of->score / of->information;
+    // Errors of torque, masses and friction are systematic: more samples do not reduce them.
+    state.sigma = std::sqrt(state.count / of->information);
+  } else if (state.since * settings.period > settings.over + kSettled / settings.bandwidth) {
+    state.disturbance = Disturbance::contact;
+    state.motor = -1;
+    state.size = state.largest;
+    state.sigma = 0;
+  }
+}
+
+}  // namespace truepose::momentum_detail
+
+namespace truepose {
+void sample_momentum(const Robot& robot, const MomentumSettings& settings, const Pose& pose,
+                     const Joint& torque, MomentumObserver& state) {
+  if (!kObserves || !(settings.period > 0 && settings.sigma[0] > 0)) return;
+  const Coordinates motion =
+      state.cycles > 0 ? difference(robot.mobility, pose, state.pose) : Coordinates{};
+  if (state.cycles < 2) {
+    ++state.cycles;
+  } else {
+    state.step = 1;
+    state.before = state.pose;
+    const Real per = 1 / settings.period;
+    for (int i = 0; i < dof(robot.mobility); ++i) {
+      state.rate[i] = 0.5 * per * (motion[i] + state.motion[i]);
+      state.acceleration[i] = per * per * (motion[i] - state.motion[i]);
+      state.held[i] = 0.5 * (state.torque[i] + torque[i]);
+    }
+  }
+  state.pose = pose;
+  state.motion = motion;
+  state.torque = torque;
+}
+
+Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
+                         MomentumObserver& state) {
+  Outcome outcome;
+  if (!kObserves || state.step == 0) return outcome;
+  switch (state.step++) {
+    case 1: {
+      Closure closure;
+      outcome = ikm(robot, state.before, closure, false);
+      std::copy_n(closure.chain.begin(), dof(robot.mobility), state.chain.begin());
+      break;
+    }
+    case 2: {
+      DynamicModel model;
+      const Closure closure = momentum_detail::closed(robot, state);
+      outcome = dynamic_model(robot, closure, state.rate, model, &state.acceleration);
+      std::copy_n(model.bias.begin(), dof(robot.mobility), state.needed.begin());
+      break;
+    }
+    case 3: outcome = momentum_detail::update_residual(robot, settings, state); break;
+    default: state.step = 0; momentum_detail::name(dof(robot.mobility), settings, state);
+  }
+  if (!outcome) state.cycles = state.step = 0;
+  return outcome;
+}
+
+void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
+                        const Setpoint& setpoint, MomentumObserver& state, Joint& torque) {
+  const int n = dof(robot.mobility);
+  state.refused = false;
+  if (!kObserves || !settings.carry || state.disturbance != Disturbance::payload) return;
+  Closure closure;
+  Jacobians jacobians;
+  DynamicModel model;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, setpoint.x), closure, false);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+  if (!outcome) return;
+  const Joint own = inverse_dynamics(model, jacobians.J, Coordinates{});
+  const auto torques = [&](const Coordinates& rate, const Coordinates& acceleration) {
+    return motor_torques(n, jacobians.J,
+                         momentum_detail::carried(robot, closure, rate, acceleration), model.slope);
+  };
+  const Joint held = torques({}, {});
+  const Joint more = torques(setpoint.rate, setpoint.acceleration);
+  for (int i = 0; i < n; ++i) {
+    const Real most = robot.chain[i].torque_limit;
+    if (!std::isfinite(state.size * (std::fabs(held[i]) + std::fabs(more[i]))))
+      state.refused = true;
+    if (most > 0 && !(std::fabs(own[i] + state.size * held[i]) < most)) state.refused = true;
+  }
+  for (int i = 0; i < n && !state.refused; ++i)
+    torque[i] = limited(robot.chain[i], torque[i] + state.size * more[i]);
+}
+}  // namespace truepose

@@ -1,0 +1,162 @@
+#include "control/multirate.hpp"
+
+namespace truepose {
+Outcome start(const MultirateSettings& settings, Multirate& late) {
+  late = Multirate{};
+  for (int k = 0; k < kMaxSensors; ++k) {
+    const int every = std::max(1, settings.every[k]), age = settings.age[k];
+    if (settings.every[k] < 0 || every > kSlowest || age < 0 || age > kOldest ||
+        !all_finite(settings.sensitivity[k], kMaxDof) || !(settings.period > 0)) {
+      late.which = 0;
+      return {Status::no_such_part, k};
+    }
+    if (settings.is(k)) late.which |= bit(k);
+    late.age[k] = age;
+    late.pole[k] = std::exp(-1.0 / (every + age));
+  }
+  late.settings = settings;
+  return {};
+}
+
+std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle) {
+  std::uint32_t bits = 0;
+  for (int k = 0; k < kMaxSensors; ++k) {
+    const std::int64_t taken = cycle - settings.age[k];
+    const bool due = taken >= 0 && taken % std::max(1, settings.every[k]) == 0;
+    if (settings.is(k) && (due || cycle == 0)) bits |= bit(k);
+  }
+  return bits;
+}
+
+bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
+  late.arrived &= ~bit(sensor);
+  const auto passed = [](std::uint64_t from, std::uint64_t to) {
+    return static_cast<Real>(static_cast<std::int64_t>(to - from));
+  };
+  const Real age = passed(time, now) / (late.settings.period * 1e9);
+  const bool newer = !(late.timed & bit(sensor)) || passed(late.taken[sensor], time) > 0;
+  if (!newer || !(age >= 0 && age <= kOldest)) return false;
+  late.arrived |= bit(sensor);
+  late.timed |= bit(sensor);
+  late.taken[sensor] = time;
+  late.age[sensor] = age;
+  // The loop through p is as late as the sample.
+  late.pole[sensor] = std::exp(-1 / (std::max(1, late.settings.every[sensor]) +
+                                     std::max<Real>(late.settings.age[sensor], age)));
+  return true;
+}
+
+}  // namespace truepose
+
+namespace truepose::late_detail {
+Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
+  const int n = dof(robot.mobility);
+  Extended fed{};  // sensors as expected: the parity is minus the change of h
+  std::copy_n(q_e.begin(), n, fed.begin());
+  std::copy_n(late.expected.begin(), robot.r, fed.begin() + n);
+  Pose near = moved(robot.mobility, late.pose, late.motion);
+  Outcome outcome;
+  if (!late.placed) {
+    near = to_pose(robot.mobility, robot.home);
+    outcome = {fkm(robot, motors_of(robot, fed), near).status, -1};
+  }
+  Parity parity;
+  if (outcome) outcome = parity.locate(robot, near, fed, Extended{});
+  if (!outcome) return outcome;
+  if (late.placed) late.motion = difference(robot.mobility, parity.pose, late.pose);
+  late.pose = parity.pose;
+  for (int k = 0; k < robot.r; ++k) {
+    late.change[k] = -parity.value[k];
+    late.noise[k] = 0;
+    for (int j = 0; j < n; ++j) {
+      const Chain& chain = robot.chain[j];
+      late.noise[k] +=
+          parity.g[k][j] * parity.g[k][j] *
+          (chain.encoder_step * chain.encoder_step + chain.encoder_noise * chain.encoder_noise);
+    }
+  }
+  return {};
+}
+
+}  // namespace truepose::late_detail
+
+namespace truepose {
+Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
+  const int n = dof(robot.mobility);
+  if (!robot.finished) return {Status::unfinished, -1};
+  const bool first = late.cycle == 0;
+  for (int k = 0; first && k < robot.r; ++k)  // the initial turn
+    late.expected[k] = std::isfinite(q_e[n + k]) ? q_e[n + k] : 0;
+  const Outcome placed = late_detail::locate_motors(robot, q_e, late);
+  if (!placed && first) return placed;
+  late.placed = bool(placed);
+  for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
+  for (int k = 0; k < robot.r; ++k) late.expected[k] += late.change[k];
+  const auto at = [&](std::int64_t ago) {  // before the first cycle the robot stood still
+    return static_cast<std::size_t>(std::max<std::int64_t>(0, late.cycle - ago)) & kOldest;
+  };
+  late.was[at(0)] = late.expected;
+  late.was_there[at(0)] = late.way;
+  if (first) late.arrived = late.which;
+  for (int k = 0; k < robot.r; ++k) {
+    if (!late.is(k)) continue;
+    late.since[k] += 1;
+    if (late.arrived & bit(k)) {
+      const auto whole = static_cast<std::int64_t>(late.age[k]);
+      const Real share = late.age[k] - static_cast<Real>(whole);
+      const std::size_t next = at(whole), last = share > 0 ? at(whole + 1) : next;
+      const auto then = [&](Real at_next, Real at_last) {
+        return at_next + share * (at_last - at_next);
+      };
+      late.since[k] = first ? 0 : late.age[k];
+      late.sample[k] = q_e[n + k];
+      late.then[k] = then(late.was[next][k], late.was[last][k]);
+      late.before[k] = first ? late.way : late.there[k];
+      for (int i = 0; i < n; ++i)
+        late.there[k][i] = then(late.was_there[next][i], late.was_there[last][i]);
+      late.off[k] = within_turn(robot, n + k, late.sample[k] - late.then[k]);
+    }
+    const int longest = late.settings.age[k] + kDropped * std::max(1, late.settings.every[k]);
+    if (!(late.since[k] <= longest)) late.off[k] = NAN;  // until the next sample
+    late.present[k] = q_e[n + k] = late.expected[k] + late.off[k];
+  }
+  late.arrived = 0;
+  ++late.cycle;
+  return {};
+}
+
+}  // namespace truepose
+
+namespace truepose::late_detail {
+Real latency_variance(const Multirate& late, int sensor, const std::array<Real, kMaxDof>& since) {
+  Real variance = 0;
+  for (int i = 0; i < kMaxDof; ++i) {
+    const Real by = late.settings.sensitivity[sensor][i] * (late.way[i] - since[i]);
+    variance += by * by;
+  }
+  return variance;
+}
+
+}  // namespace truepose::late_detail
+
+namespace truepose {
+void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
+  const int n = dof(robot.mobility);
+  for (int k = 0; k < robot.r; ++k) {
+    Real& sigma = known.sigma[n + k];
+    if (late.is(k))
+      sigma = std::sqrt(sigma * sigma + late.noise[k] +
+                        late_detail::latency_variance(late, k, late.slowly[k]));
+  }
+}
+
+Weighing compensated(const Robot& robot, const Weighing& weighing, Multirate& late,
+                     Knowledge& known, Extended& q_e) {
+  if (!compensate_latency(robot, late, q_e)) return weighing;
+  low_pass(robot, late, q_e);
+  if (!weighing) return weighing;
+  known = *weighing.known;
+  weigh(robot, late, known);
+  return {&known, weighing.work, weighing.kept};
+}
+}  // namespace truepose

@@ -1,0 +1,29 @@
+#include "control/safety_limits.hpp"
+
+namespace truepose {
+Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
+  const auto positive = [](Real value) { return value > 0 && value < INFINITY; };
+  const SafetyLimits& l = limits;
+  const Real period = l.period;
+  bool good = positive(period) && period <= kReaction && positive(l.stop) && l.brake >= 0 &&
+              positive(l.standstill) && l.standstill + l.brake < INFINITY &&
+              l.saturation >= period && l.clipped >= period;
+  good = good && l.missing >= 0 && l.missing <= kReaction && l.held >= 0 && l.held <= kReaction;
+  good = good && l.window >= 1 && l.window <= kMostWindow && l.age >= 1 &&
+         l.age * period <= kReaction && l.counter_bits >= 2 && l.counter_bits <= 64;
+  for (int j = 0; j < freedoms; ++j) good = good && l.box_low[j] <= l.box_high[j];
+  if (!good) return {Status::no_such_value, -1};
+  for (int i = 0; i < motors; ++i) {
+    good = positive(l.torque[i]) && positive(l.slew[i]) && positive(l.speed[i]);
+    // The stop's torque is reached from any other within the reaction time.
+    good = good && 2 * l.torque[i] <= l.slew[i] * kReaction * (1 + by_precision(1e-9, 1e-5));
+    // One count is no violation.
+    good = good && l.count[i] >= 0 && l.tracking[i] > l.count[i] && l.tracking[i] < INFINITY &&
+           l.deviation[i] >= l.tracking[i] && l.deviation[i] < INFINITY;
+    good = good && l.still[i] > l.count[i] && l.still[i] < INFINITY && l.kp[i] >= 0 &&
+           l.kd[i] >= 0 && l.rests[i] >= 0 && l.low[i] <= l.high[i];
+    if (!good) return {Status::no_such_value, i};
+  }
+  return {};
+}
+}  // namespace truepose

@@ -1,0 +1,30 @@
+#include "control/tej.hpp"
+
+namespace truepose {
+void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, ExtendedColumns& M,
+         ExtendedRows& M_plus) {
+  const int n = dof(robot.mobility);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;
+  for (int s = 0; s < robot.r; ++s) {
+    const Real weight = robot.sensor[s].weight;
+    Coordinates g{}, gain{};
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) g[j] += jr[s][i] * jacobians.J[i][j];
+    Real gCg = 0;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) gain[i] += M_plus[i][j] * g[j];
+      gCg += g[i] * gain[i];
+      M[n + s][i] = g[i];
+    }
+    const Real scale = weight / (1 + weight * gCg);
+    for (int i = 0; i < n; ++i) gain[i] *= scale;
+    for (int c = 0; c < n + s; ++c) {
+      Real seen = 0;  // g M⁺, entry c
+      for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
+      for (int i = 0; i < n; ++i) M_plus[i][c] -= gain[i] * seen;
+    }
+    for (int i = 0; i < n; ++i) M_plus[i][n + s] = gain[i];
+  }
+}
+}  // namespace truepose

@@ -1,0 +1,19 @@
+#include "control/tracker.hpp"
+
+namespace truepose {
+TrackerGains tracker_gains(Real pole) {
+  TrackerGains gains;
+  gains.acceleration = 1 / ((1 - pole) * (1 - pole));
+  // impulse response: (1 - pole z⁻¹)² h = (1 - z⁻¹)², until it has decayed
+  Real before = 0, last = 0;
+  for (int k = 0; k < 1000; ++k) {
+    const Real input = k == 0 ? 1 : k == 1 ? -2 : k == 2 ? 1 : 0;
+    const Real h = input + 2 * pole * last - pole * pole * before;
+    gains.variance += h * h;
+    gains.largest += h < 0 ? -h : h;
+    before = last;
+    last = h;
+  }
+  return gains;
+}
+}  // namespace truepose

@@ -1,0 +1,76 @@
+// Warm-up: base, arms and rods grow with temperature, each by a share of its size.
+//
+// The parity of a grown robot is M τ, with three growths τ in units of σ and a prior N(0, 1). They
+// follow from the mean over some minutes of Mᵀ V⁻¹ p and Mᵀ V⁻¹ M, which counts as one measurement:
+// the rest of the geometry errs alike at neighbouring poses. Faster drifts remain in p - M τ.
+#pragma once
+
+#include "control/parity.hpp"
+#include "math/ldlt.hpp"
+
+namespace truepose {
+/// Whether a warm-up is followed: not with -DTRUEPOSE_NO_OBSERVER, for small machines.
+#ifdef TRUEPOSE_NO_OBSERVER
+inline constexpr bool kFollowsWarmUp = false;
+#else
+inline constexpr bool kFollowsWarmUp = true;
+#endif
+inline constexpr int kGrowths = 3;      ///< of base, arms and rods
+inline constexpr Real kMostGrowth = 3;  ///< σ, largest growth
+using Growths = std::array<Real, kGrowths>;
+using GrowthRows = Matrix<kMaxSensors, kGrowths>;
+
+/// M at the parity's pose. @param growth  largest shares of the sizes
+GrowthRows growth_rows(const Robot& robot, const Parity& parity, const Real* H_xi,
+                       const Growths& growth);
+
+/// Estimated growths.
+struct WarmUp {
+  Matrix<kGrowths, kGrowths> information{};  ///< mean of Mᵀ V⁻¹ M
+  Growths score{};                           ///< and of Mᵀ V⁻¹ p,
+  Real averaged = 0;                         ///< over so many seconds, up to the memory
+  bool warm = false;                         ///< only the growths explain the parity
+
+  /// Adds a parity to the means. @param V  of the geometry without growth, factored
+  /// @param since  s, the last one @param memory  s
+  void average(const GrowthRows& M, const ReadingCovariance& V, const Reading& p, int r, Real since,
+               Real memory) {
+    GrowthRows W = M;
+    Reading y = p;
+    for (int m = 0; m < kGrowths; ++m) V.whiten(r, &W[0][m], kGrowths);
+    V.whiten(r, y.data(), 1);
+    averaged = std::min(averaged + since, memory);
+    const Real share = since < averaged ? since / averaged : 1;
+    for (int m = 0; m < kGrowths; ++m) {
+      Growths sum{};
+      Real of_p = 0;
+      for (int k = 0; k < r; ++k) {
+        for (int l = 0; l < kGrowths; ++l) sum[l] += W[k][m] * W[k][l];
+        of_p += W[k][m] * y[k];
+      }
+      for (int l = 0; l < kGrowths; ++l) information[m][l] += share * (sum[l] - information[m][l]);
+      score[m] += share * (of_p - score[m]);
+    }
+  }
+
+  /// Adds the estimate's covariance to the geometry's. @return M τ
+  Reading explain(const GrowthRows& M, int r, Matrix<kMaxSensors, kMaxSensors>& geometry) const {
+    auto precision = information;
+    Growths size, tau = score;
+    for (int m = 0; m < kGrowths; ++m) size[m] = precision[m][m] += 1;
+    const Ldlt factored(kGrowths, precision, size);
+    if (!factored.regular()) return {};
+    factored.solve(tau);
+    Reading offset{};
+    for (int k = 0; k < r; ++k) {
+      Growths column = M[k];
+      factored.solve(column);
+      for (int m = 0; m < kGrowths; ++m) {
+        offset[k] += M[k][m] * tau[m];
+        for (int l = 0; l <= k; ++l) geometry[k][l] += M[l][m] * column[m];
+      }
+    }
+    return offset;
+  }
+};
+}  // namespace truepose

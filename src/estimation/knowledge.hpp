@@ -1,0 +1,34 @@
+// Covariances of the geometry and of the readings: Σ_ξ and Σ_s.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "mechanism/parameters.hpp"
+
+namespace truepose {
+/// Normal distributions of the uncertain parameters and of the readings' errors. The arrays are the
+/// caller's: a prior or the posterior of a calibration.
+struct Knowledge {
+  int count = 0;                         ///< p, uncertain parameters
+  const std::int32_t* column = nullptr;  ///< each one's column of H_ξ (parameters.hpp)
+  const Real* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
+  Extended sigma{};            ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
+};
+
+/// Gathers the uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
+/// @param last  number of last columns of B without a column of H_ξ: left unchanged
+inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi, int rows, Real* B,
+                   int last = 0) {
+  const int width = parameter_count(robot);
+  for (int i = 0; i < rows; ++i) {
+    const Real per_sigma = 1 / known.sigma[i];
+    for (int k = 0; k < known.count - last; ++k)
+      B[i * known.count + k] = per_sigma * H_xi[i * width + known.column[k]];
+  }
+}
+
+/// B S in place, in blocks: entry j of a row depends on those from j on. Only the nonzero span of a
+/// row is multiplied: at first a motor's row has only its own chain's parameters.
+void times_root(const Knowledge& known, int rows, Real* B);
+}  // namespace truepose

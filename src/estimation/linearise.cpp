@@ -1,0 +1,35 @@
+#include "estimation/linearise.hpp"
+
+namespace truepose {
+void pose_rows(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr,
+               PoseRows& H_x) {
+  const int n = dof(robot.mobility);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
+  for (int k = 0; k < robot.r; ++k) H_x[n + k] = jr[k];
+}
+
+Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x, Real* H_xi) {
+  const int n = dof(robot.mobility);
+  Closure closure;
+  Jacobians jacobians;
+  Reading values;
+  SensorRows jr;
+  Outcome outcome = ikm(robot, pose, closure);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = rkm(robot, closure, values, jr);
+  if (!outcome) return outcome;
+  extend(robot, closure.q(), values, q_e);
+  pose_rows(robot, jacobians, jr, H_x);
+  Real sum = 0;  // a NaN shows in it
+  for (int c = 0; c < n + robot.r; ++c)
+    for (int j = 0; j < n; ++j) sum += H_x[c][j];
+  if (H_xi) {
+    parameter_jacobian(robot, closure, H_xi);
+    const Real* end = H_xi + (n + robot.r) * parameter_count(robot);
+    for (const Real* entry = H_xi; entry != end; ++entry) sum += *entry;
+  }
+  if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
+  return outcome;
+}
+}  // namespace truepose

@@ -1,0 +1,43 @@
+// Online calibration beside the control cycle.
+//
+// Between readings and torque, the online filter (online_calibration.hpp) updates ξ by this row of
+// readings; from then on the controller uses the robot at ξ̂.
+#pragma once
+
+#include "estimation/online_calibration.hpp"
+#include "mechanism/full_linearise.hpp"
+
+namespace truepose {
+/// The online calibrator. Arrays that it points to are the caller's; `robot` is the controller's.
+struct OnlineCalibrator {
+  const Robot* drawn = nullptr;  ///< nominal robot, as for set_parameters
+  OnlineSettings settings;
+  OnlineState state;
+  Real* work = nullptr;  ///< online_work(*drawn, state.count) numbers
+  /// A row counts where a reading has moved by this many of its own σ since the last one: at rest
+  /// every cycle has the same rounding error, which is no information.
+  Real fresh = 30;
+  Robot robot;
+  Pose pose;          ///< x̂ of the last row, where the next one starts
+  Extended last{};    ///< last row
+  long lines = 0;     ///< rows used so far
+  long left_out = 0;  ///< rows excluded as a whole (also for want of a pose) or by one reading
+  Outcome made{};     ///< outcome of the last row
+
+  Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
+};
+
+/// Runs one cycle. Bounded work, no allocation, no exception.
+/// @return outcome of this row or, if it is no information, of the last one: only `ok` means that
+/// all of it was used. `stopped` from the cycle in which the filter stops, with the last good robot
+Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended& q_e);
+
+/// The same at the robot's own level.
+inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
+  return calibrate_online(level_of(*learner.drawn), learner, q_e);
+}
+
+/// Rolls back to before the latest rows (online_calibration.hpp saves that state, with a gate), for
+/// a reading found faulty only after its fault began.
+Outcome roll_back(OnlineCalibrator& learner);
+}  // namespace truepose

@@ -1,0 +1,26 @@
+// The precision of all computation: double, or single for machines without a double unit.
+//
+// Single precision serves the control path on small machines; constants like 0.1 must be single,
+// too (gcc's -fsingle-precision-constant): docs/small-machines.md. Calibration and simulation are
+// always double.
+#pragma once
+
+#include <limits>
+#include <type_traits>
+
+#include "truepose/sizes.hpp"
+
+namespace truepose {
+/// A tolerance at the level of rounding, or a power of it, by precision.
+constexpr Real by_precision(long double in_double, long double in_single) {
+  return static_cast<Real>(std::is_same_v<Real, float> ? in_single : in_double);
+}
+
+/// term(0) + term(1) + … + term(count - 1).
+template <class F>
+constexpr Real sum_of(int count, F&& term) {
+  Real sum = 0;
+  for (int k = 0; k < count; ++k) sum += term(k);
+  return sum;
+}
+}  // namespace truepose

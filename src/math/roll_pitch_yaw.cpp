@@ -1,0 +1,33 @@
+#include "math/roll_pitch_yaw.hpp"
+
+namespace truepose {
+Mat3 from_roll_pitch_yaw(const RollPitchYaw& angles) {
+  const Real r = angles[0], p = angles[1];
+  const Mat3 roll = Mat3::of(1, 0, 0, 0, std::cos(r), -std::sin(r), 0, std::sin(r), std::cos(r));
+  const Mat3 pitch = Mat3::of(std::cos(p), 0, std::sin(p), 0, 1, 0, -std::sin(p), 0, std::cos(p));
+  return rotation_z(angles[2]) * pitch * roll;
+}
+
+RollPitchYaw to_roll_pitch_yaw(const Mat3& R, const RollPitchYaw& near) {
+  constexpr Real pi = std::numbers::pi_v<Real>;
+  const auto next_to = [&](RollPitchYaw angles) {
+    for (std::size_t k = 0; k < 3; ++k)
+      angles[k] += 2 * pi * std::nearbyint((near[k] - angles[k]) / (2 * pi));
+    return angles;
+  };
+  const Real level = std::hypot(R(0, 0), R(1, 0));
+  if (level < kUpright) {  // R Rx(roll)ᵀ = Rz(yaw) Ry(pitch)
+    const Mat3 turned = R * from_roll_pitch_yaw({near[0], 0, 0}).transpose();
+    return next_to({near[0], std::atan2(-turned(2, 0), turned(2, 2)),
+                    std::atan2(-turned(0, 1), turned(1, 1))});
+  }
+  const Real roll = std::atan2(R(2, 1), R(2, 2)), pitch = std::atan2(-R(2, 0), level),
+             yaw = std::atan2(R(1, 0), R(0, 0));
+  const RollPitchYaw one = next_to({roll, pitch, yaw}),
+                     other = next_to({roll + pi, pi - pitch, yaw + pi});
+  Real difference = 0;
+  for (std::size_t k = 0; k < 3; ++k)
+    difference += std::fabs(one[k] - near[k]) - std::fabs(other[k] - near[k]);
+  return difference <= 0 ? one : other;
+}
+}  // namespace truepose

@@ -1,0 +1,93 @@
+// Solution of a small square system: Newton's step, the columns of J, the sign of det J_x.
+#pragma once
+
+#include <algorithm>
+#include <utility>
+
+#include "math/adjugate.hpp"
+#include "math/ldlt.hpp"
+
+namespace truepose {
+/// Rows of a square matrix, or of its inverse.
+using Square = std::array<std::array<Real, kMaxUnknowns>, kMaxUnknowns>;
+using Unknowns = std::array<Real, kMaxUnknowns>;
+
+/// Solves (AᵀA + damping · diag(size)) x = Aᵀ b: Levenberg's damped steps.
+class NormalEquations {
+ public:
+  NormalEquations(int n, const Square& a, const Unknowns& size, Real damping = 0)
+      : n_(n), a_(a), factor_(n, normal(n, a, size, damping), size) {}
+  bool regular() const { return factor_.regular(); }
+
+  template <class Vector>
+  Unknowns solve(const Vector& b) const {
+    Unknowns x{};
+    for (int k = 0; k < n_; ++k)
+      for (int j = 0; j < n_; ++j) x[j] += a_[k][j] * b[k];
+    factor_.solve(x);
+    return x;
+  }
+
+  /// Column j of the solution operator, times scale.
+  Unknowns column(int j, Real scale) const {
+    Unknowns x;
+    for (int i = 0; i < n_; ++i) x[i] = scale * a_[j][i];
+    factor_.solve(x);
+    return x;
+  }
+
+ private:
+  static Square normal(int n, const Square& a, const Unknowns& size, Real damping) {
+    Square result;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j <= i; ++j) {
+        Real sum = 0;
+        for (int k = 0; k < n; ++k) sum += a[k][i] * a[k][j];
+        result[i][j] = sum;
+      }
+      result[i][i] += damping * size[i];
+    }
+    return result;
+  }
+
+  int n_;
+  const Square& a_;
+  Ldlt factor_;
+};
+
+/// Result of an inversion.
+struct Inverted {
+  bool regular = false;  ///< A has full rank
+  int sign = 0;          ///< of det A; damped: 0
+  explicit operator bool() const { return regular; }
+};
+
+namespace square_detail {
+template <int N>
+inline Inverted by_adjugate(const Square& a, const Unknowns& size, Square& inverse) {
+  std::array<std::array<Real, N>, N> rows, b;
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) rows[i][j] = a[i][j];
+  const Real determinant = adjugate<N>(rows, b), per_determinant = 1 / determinant;
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) inverse[i][j] = per_determinant * b[i][j];
+  Real unit = kSingular;
+  for (int j = 0; j < N; ++j) unit *= size[j];
+  // false for a NaN
+  return {determinant * determinant > unit, (determinant > 0) - (determinant < 0)};
+}
+
+/// Gauss-Jordan elimination, columns scaled to unit size, pivots by rows.
+Inverted by_elimination(int n, const Square& a, const Unknowns& size, Square& inverse);
+}  // namespace square_detail
+
+/// A⁻¹ by rows: by the adjugate up to 4×4, else by elimination.
+///
+/// size[j] is what |column j|² would be without cancellation: the unit that makes the test of
+/// singularity independent of metres and radians.
+/// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ replaces A⁻¹.
+Inverted invert(int n, const Square& a, const Unknowns& size, Real damping, Square& inverse);
+
+/// Sign of the determinant, -1, 0 or 1, by elimination with pivoting.
+int determinant_sign(int n, Square m);
+}  // namespace truepose

@@ -1,0 +1,107 @@
+// Conditioning of a pose, and a damped Jacobian near singularities.
+//
+// J = J_x⁻¹ J_q grows without bound where the rods' lines become dependent (type 2), J⁻¹ where an
+// arm stretches (type 1). Levenberg's damping in a band (Nakamura and Hanafusa 1986) bounds both
+// (docs/model.md, Beside a singularity).
+#pragma once
+
+#include "mechanism/jacobian.hpp"
+
+namespace truepose {
+/// λ² at the conditioning c: 0 from `band` on, band²/4 at c = 0. A gain 1/σ, σ ≥ c, becomes
+/// σ/(σ² + λ²): continuous, and nowhere above 2/(√3 band).
+inline Real damping(Real c, Real band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
+
+/// Distance from singularities of a closed mechanism, independent of its size and units.
+class Conditioning {
+ public:
+  explicit Conditioning(const Closure& closure) : n_(closure.carried.n) {
+    std::array<Vec3, kMaxChains> lever;
+    Joint ones;
+    ones.fill(1);
+    for (int i = 0; i < n_; ++i) {
+      const ChainState& chain = closure.chain[i];
+      lever[i] = chain.lever;
+      length_[i] = chain.v.norm();
+      jx_row(closure.carried, (1 / length_[i]) * chain.v, chain.lever, lines_[i].data());
+      // A telescopic leg always drives along itself.
+      const Real dB = chain.dB.norm();
+      speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
+      serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
+    }
+    unit_ = column_sizes(closure.carried, ones, lever);
+    for (int j = 0; j < n_; ++j) {
+      unit_[j] = std::sqrt(unit_[j]);
+      for (int i = 0; i < n_; ++i) {
+        lines_[i][j] *= 1 / unit_[j];
+        square_ += lines_[i][j] * lines_[i][j];
+      }
+    }
+    Square rows;
+    inverse_ = invert(n_, lines_, ones_(), 0, rows);
+    Real inverse2 = 0;
+    for (int i = 0; i < n_; ++i)
+      for (int j = 0; j < n_; ++j) inverse2 += rows[i][j] * rows[i][j];
+    parallel_ = inverse_ ? n_ / std::sqrt(square_ * inverse2) : 0;
+  }
+
+  /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms; 1: isotropic, 0: the motors
+  /// do not hold the platform. A: the rods' unit lines, columns in units of column_sizes.
+  Real parallel() const { return parallel_; }
+  /// Type 1: share of the motion of B_i along rod i, in [0, 1]. 0: arm and rod in one line.
+  Real serial(int i) const { return serial_[i]; }
+  /// The smallest conditioning of both types.
+  Real least() const {
+    return std::min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + n_));
+  }
+  /// The status that jacobian() would return.
+  Outcome outcome() const {
+    for (int i = 0; i < n_; ++i)
+      if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
+    return {inverse_ ? Status::ok : Status::singular, -1};
+  }
+  /// The sign of det J_x.
+  int sign() const { return inverse_.sign; }
+
+  /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, rescaled to SI units.
+  bool damped(const Closure& closure, Real band, Square& J) const {
+    const Real part = damping(parallel_, band) * square_ / (n_ * n_);
+    const NormalEquations equations(n_, lines_, ones_(), part);
+    for (int j = 0; j < n_; ++j) {
+      const Unknowns column = equations.column(j, closure.chain[j].jq / length_[j]);
+      for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
+    }
+    return equations.regular();
+  }
+
+  /// Divisor of J⁻¹ in place of the entry s of J_q: s + λ²/s, so that 1/s becomes s/(s² + λ²).
+  Real divisor(int i, Real jq, Real band) const {
+    const Real scale = length_[i] * speed_[i];
+    return jq + damping(serial_[i], band) * scale * scale / jq;
+  }
+
+ private:
+  static Unknowns ones_() {
+    Unknowns ones;
+    ones.fill(1);
+    return ones;
+  }
+
+  int n_;
+  Square lines_;  ///< A
+  Unknowns unit_;
+  Joint length_, speed_, serial_;
+  Real square_ = 0, parallel_;  // |A|²
+  Inverted inverse_;
+};
+
+/// Computes J_x, J_q and J, damped where a conditioning is below `band` (0: never, as in the
+/// paper). In the band the divisors of J⁻¹ replace the entries of J_q, also in the closure, so that
+/// rates, J_r and the dynamics follow.
+/// @return near_singular in the band, with a finite and bounded answer; `chain` is the chain whose
+/// arm is stretched, or -1 where the rods' lines are nearly dependent.
+Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians);
+
+/// Computes the conditioning at coordinates x. @param serial  out, size n
+Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel, Joint& serial);
+}  // namespace truepose

@@ -1,0 +1,95 @@
+#include "mechanism/fkm.hpp"
+
+namespace truepose::fkm_detail {
+bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxDof>& driven) {
+  const int n = dof(robot.mobility);
+  const bool turns = turns_about_z(robot.mobility) || robot.mobility >= Mobility::spatial;
+  if (robot.mobility == Mobility::translation) {
+    Vec3 D;
+    const Vec3 side = to_pose(robot.mobility, robot.home).D;
+    return fkm_closed(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) {
+      const Chain &one = robot.chain[i], &other = robot.chain[j];
+      const Driven &from = driven[i], &to = driven[j];
+      const Vec3 pivots = one.pivot - other.pivot;
+      Vec3 centres = one.base + from.p - one.anchor - other.base - to.p + other.anchor;
+      if (!turns) centres -= pivots;
+      const std::array<Real, 4> side{centres.norm(), from.rod, to.rod, turns ? pivots.norm() : 0};
+      const Real whole = side[0] + side[1] + side[2] + side[3];
+      for (const Real one_side : side)
+        if (2 * one_side > whole * (1 + kClosed)) return true;
+    }
+  return false;
+}
+
+bool crawled(const Robot& robot, const std::array<Driven, kMaxDof>& driven, const Pose& pose,
+             Real residual) {
+  Real scale = 0;
+  for (int i = 0; i < robot.chains; ++i) scale = std::max(scale, driven[i].rod);
+  if (!(residual < kCrawls * scale)) return false;
+  Closure closure;
+  closure.pose = pose;
+  closure.carried = carried_frames(robot, pose);
+  const Pose& placed = closure.placed();
+  for (int i = 0; i < dof(robot.mobility); ++i) {
+    const Chain& chain = robot.chain[i];
+    ChainState& state = closure.chain[i];
+    state.lever = placed.R * chain.pivot;
+    state.v = chain.base + driven[i].p - placed.D - state.lever - chain.anchor;
+    state.dB = driven[i].dB;
+    state.rate = driven[i].rate;
+  }
+  return Conditioning(closure).parallel() < kDependent;
+}
+
+bool own_mode(const Robot& robot, const Pose& pose) {
+  Closure closure;
+  Jacobians jacobians;
+  return ikm(robot, pose, closure, false) && jacobian(closure, jacobians) &&
+         !other_mode(robot.assembly_sign, jacobians.sign);
+}
+
+FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, const Pose& guess,
+                           Pose& pose, int cap) {
+  const bool went = first.status == Status::not_converged || first.status == Status::singular ||
+                    first.status == Status::branch_lost;
+  if (!went) return first;  // no start has a pose for such an input
+  if (first.status == Status::branch_lost && !own_mode(robot, guess)) return first;
+  const bool open = first.status == Status::not_converged;
+  std::array<Driven, kMaxDof> driven;
+  for (int i = 0; i < dof(robot.mobility) && open; ++i)
+    driven[i] = driven_point(robot.chain[i], q[i]);
+  if (open && no_pose(robot, q, driven)) {
+    first.status = Status::unreachable;
+    return first;
+  }
+  Closure home;
+  int most = std::min(kFkmIterations, cap - first.iterations);
+  if (most < 2 * kFkmStages) most = 0;  // a stage needs at least two steps
+  FkmResult second{{Status::not_converged}};
+  if (most > 0) second.status = ikm(robot, to_pose(robot.mobility, robot.home), home).status;
+  Pose at = home.pose;
+  int stage = 0, left = most;
+  while (second && stage < kFkmStages && left > 0) {
+    ++stage;
+    Joint motors{};
+    for (int i = 0; i < dof(robot.mobility); ++i) {
+      const Real way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
+      motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
+    }
+    second = search(robot, motors, at, left);
+    left -= second.iterations;
+  }
+  first.iterations += most - left;
+  if (second && stage == kFkmStages) {
+    pose = at;
+    if (turns_about_z(robot.mobility)) pose.theta = theta_of(pose.R, guess.theta);
+    second.iterations = first.iterations;
+    return second;
+  }
+  if (open && crawled(robot, driven, pose, first.residual)) first.status = Status::singular;
+  return first;
+}
+}  // namespace truepose::fkm_detail

@@ -1,0 +1,138 @@
+// The forward kinematic model (FKM), by damped Newton iteration.
+#pragma once
+
+#include "math/newton.hpp"
+#include "mechanism/damping.hpp"
+#include "mechanism/fkm_closed.hpp"
+#include "mechanism/loops.hpp"
+
+namespace truepose {
+inline constexpr int kFkmIterations = 60;  ///< in one search; fkm makes at most two
+inline constexpr int kFkmStages = 4;       ///< in the second search, from home
+/// Default cap for both searches together. Over a workspace, 4 iterations suffice from a nearby
+/// guess and 7 from home (tests/cpp/test_forward_kinematics.cpp).
+inline constexpr int kFkmCap = 2 * kFkmIterations;
+
+/// Cap where the pose only starts another search. Only poses near singularities need more, and from
+/// there the other search converges by itself.
+inline constexpr int kFkmStart = 24;
+
+/// Result of a search for the pose.
+struct [[nodiscard]] FkmResult : Outcome {
+  int iterations = 0;  ///< steps tried, at most the cap
+  Real residual = 0;   ///< largest closure error | |v_i| - L_i |, m
+};
+
+/// Searches once, by Newton's method. @param pose  in: the guess; out: the pose or last iterate
+inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations) {
+  if (!robot.finished) return {{Status::unfinished, -1}};
+  const int n = dof(robot.mobility);
+  FkmResult result;
+  std::array<Driven, kMaxChains> driven;
+  Real scale = 0;  // the longest rod
+  for (int i = 0; i < n; ++i) {
+    driven[i] = driven_point(robot.chain[i], q[i]);
+    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
+    if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
+    scale = std::max(scale, driven[i].rod);
+  }
+  Loops iterates[2], *current = &iterates[0], *trial = &iterates[1];
+  current->place(robot, driven, pose);
+  if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
+
+  struct Inverse : Inverted {
+    Square rows;
+    bool regular() const { return Inverted::regular; }
+  };
+  Square jx;
+  const NewtonEnd end = damped_newton(
+      current, trial, scale, most,
+      [&](const Loops& at, Real damping) {
+        Inverse inverse;
+        at.jx(jx);
+        static_cast<Inverted&>(inverse) = invert(n, jx, at.sizes(), damping, inverse.rows);
+        return inverse;
+      },
+      [&](const Loops& at, const Inverse& inverse, Loops& after) {
+        Coordinates motion{};
+        for (int j = 0; j < n; ++j)
+          motion[j] = sum_of(n, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
+        after.place(robot, driven, moved(robot.mobility, at.pose, motion));
+      });
+  result.iterations = end.iterations;
+
+  if (turns_about_z(robot.mobility)) {
+    Real& theta = current->pose.theta;
+    if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
+  }
+  result.residual = current->residual;
+  if (!(current->residual < kClosed * scale)) {
+    result.status = Status::not_converged;
+  } else if (!end.regular) {
+    result.status = Status::singular;
+  } else {
+    for (int i = 0; i < n; ++i) {
+      const Chain& chain = robot.chain[i];
+      if (chain.actuator != Actuator::telescopic &&
+          jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
+        result.status = Status::branch_lost;
+        result.chain = i;
+      }
+    }
+    current->jx(jx);
+    if (other_mode(robot.assembly_sign, determinant_sign(n, jx)))
+      result.status = Status::branch_lost;
+  }
+  pose = current->pose;
+  return result;
+}
+
+namespace fkm_detail {
+/// Residual, in units of the longest rod, below which a slowly converging search is near a double
+/// root: its steps halve the distance, and the residual goes with their square.
+inline constexpr Real kCrawls = by_precision(1e-9, 1e-6);
+/// Conditioning there, of the order of the square root of kCrawls.
+inline constexpr Real kDependent = 1e-4;
+
+/// Whether it is certain that no pose closes the loops. Each chain holds D + R c_i on a sphere
+/// about S_i = B_i - a_i. Of the lengths |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
+/// none can exceed the sum of the others. Where R is known, the spheres themselves decide.
+bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxDof>& driven);
+
+/// Whether a search converged slowly to a singular pose: the loops are closed up to its small
+/// steps, and the rods' lines are dependent. (J_x is singular, J_xᵀf = 0, also where a search ends
+/// with open loops, but that does not exclude other poses.)
+bool crawled(const Robot& robot, const std::array<Driven, kMaxDof>& driven, const Pose& pose,
+             Real residual);
+
+/// Whether a pose is in the robot's own assembly mode.
+bool own_mode(const Robot& robot, const Pose& pose);
+
+/// Searches again from home, with the motors moved to q in stages. Applies where the first search
+/// found no pose or jumped from the robot's own assembly mode into another.
+/// @param pose  in: the end of the first search from `guess`; out: the pose, or unchanged
+FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, const Pose& guess,
+                           Pose& pose, int cap);
+}  // namespace fkm_detail
+
+/// Computes the pose from the motors' positions q, by a search from the guess, then one from home
+/// if the first finds no pose in the robot's own modes.
+/// @param pose  in: the guess; out: the pose (the last iterate of the first search if not ok)
+/// @param cap   maximum steps of both searches, at least 1
+/// @return unreachable: certainly no pose closes the loops. not_converged: none was found.
+/// singular: closed, but the motors do not determine the pose. branch_lost: closed in another mode.
+inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
+  const Pose guess = pose;
+  const FkmResult first = search(robot, q, pose, std::min(kFkmIterations, cap));
+  if (first) return first;
+  return fkm_detail::search_from_home(robot, q, first, guess, pose, cap);
+}
+
+/// x = FKM(q). @param x  in: the guess; out: the pose. @param cap  maximum steps, at least 1
+inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
+  Pose pose = to_pose(robot.mobility, x);
+  const FkmResult result = fkm(robot, q, pose, cap);
+  x = to_coordinates(robot.mobility, pose);
+  return result;
+}
+}  // namespace truepose

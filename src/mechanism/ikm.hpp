@@ -1,0 +1,47 @@
+// The inverse kinematic model (IKM): motor positions from a pose.
+#pragma once
+
+#include "mechanism/chain.hpp"
+
+namespace truepose {
+/// All loops of the mechanism at one pose.
+struct Closure {
+  Pose pose;
+  Carried carried;
+  std::array<ChainState, kMaxChains> chain;
+
+  /// D and R of the platform.
+  const Pose& placed() const { return carried.pose; }
+  Joint q() const {
+    Joint values{};
+    for (int i = 0; i < carried.n; ++i) values[i] = chain[i].q;
+    return values;
+  }
+};
+
+/// Closes all loops at a pose. The joint positions are the encoders' readings.
+/// @param angle  false: q is left out, which needs no trigonometry
+/// @return unreachable and the first chain that cannot close, or not_finite.
+inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool angle = true) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  closure.pose = pose;
+  closure.carried = carried_frames(robot, pose);
+  const Pose& at = closure.placed();
+  Real sum = 0;  // not finite after a NaN or an overflow
+  for (int i = 0; i < closure.carried.n; ++i) {
+    const Chain& chain = robot.chain[i];
+    ChainState& state = closure.chain[i];
+    state.lever = at.R * chain.pivot;
+    if (!close(chain, at.D + state.lever + chain.anchor - chain.base, angle, state)) {
+      const bool finite = pose.D.allFinite() && pose.R.allFinite();
+      return {finite ? Status::unreachable : Status::not_finite, i};
+    }
+    if (angle) sum += state.q;
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+}
+
+/// q = IKM(x) for coordinates x of any mobility.
+/// @return joint_limit where a motor is beyond its stops (`q` then says how far)
+Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q);
+}  // namespace truepose

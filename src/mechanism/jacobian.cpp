@@ -1,0 +1,81 @@
+#include "mechanism/jacobian.hpp"
+
+namespace truepose {
+Unknowns column_sizes(const Carried& carried, const Joint& v2,
+                      const std::array<Vec3, kMaxChains>& lever) {
+  const int n = carried.n;
+  Unknowns sizes;
+  if (is_rotational(carried.mobility)) {
+    for (int j = 0; j < n; ++j)
+      sizes[j] =
+          sum_of(n, [&](int i) { return v2[i] * (lever[i] + carried.arm[j]).squaredNorm(); });
+  } else {
+    const Real velocity = sum_of(n, [&](int i) { return v2[i]; });
+    const Real turn = sum_of(n, [&](int i) { return v2[i] * lever[i].squaredNorm(); });
+    for (int j = 0; j < n; ++j) sizes[j] = free_columns(carried.mobility)[j] < 3 ? velocity : turn;
+  }
+  return sizes;
+}
+
+Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
+  const Carried& carried = closure.carried;
+  const int n = jacobians.n = carried.n;
+  std::array<Vec3, kMaxChains> lever;
+  Joint v2;
+  for (int i = 0; i < n; ++i) {
+    const ChainState& chain = closure.chain[i];
+    lever[i] = chain.lever;
+    v2[i] = chain.v.squaredNorm();
+    jacobians.jq[i] = chain.jq;
+    if (!(chain.jq * chain.jq > kSingular * v2[i] * chain.dB.squaredNorm()))
+      return {Status::singular, i};
+    jx_row(carried, chain.v, chain.lever, jacobians.jx[i].data());
+  }
+  const Inverted inverse =
+      invert(n, jacobians.jx, column_sizes(carried, v2, lever), 0, jacobians.J);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
+  jacobians.sign = inverse.sign;
+  return {inverse ? Status::ok : Status::singular, -1};
+}
+
+Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
+  Closure closure;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
+  Jacobians jacobians;
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (!outcome) return outcome;
+  Real sum = 0;  // becomes NaN if any value is
+  for (int i = 0; i < jacobians.n; ++i)
+    for (int j = 0; j < jacobians.n; ++j) sum += J[i][j] = jacobians.J[i][j];
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+}
+
+Outcome note_assembly(Robot& robot) {
+  Closure closure;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), closure);
+  Jacobians jacobians;
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) robot.assembly_sign = jacobians.sign;
+  return outcome ? within_limits(robot, closure.pose, closure.q()) : outcome;
+}
+
+Outcome finish(Robot& robot) {
+  robot.finished = false;
+  const Outcome exist = parts_exist(robot);
+  if (!exist) return exist;
+  const int n = dof(robot.mobility);
+  if (robot.chains != n || robot.motors != n) return {Status::not_square, -1};
+  robot.finished = true;
+  note_encoders(robot);
+  note_vertical(robot);
+  robot.limited = false;
+  robot.assembly_sign = 0;
+  const auto limits = [&](const auto& of) {
+    robot.limited = robot.limited || std::isfinite(of.low) || std::isfinite(of.high);
+  };
+  for (int i = 0; i < robot.motors; ++i) limits(robot.chain[i]);
+  for (int j = 0; j < passive_axes(robot.mobility); ++j) limits(robot.axis[j]);
+  return note_assembly(robot);
+}
+}  // namespace truepose

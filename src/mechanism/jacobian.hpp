@@ -1,0 +1,61 @@
+// Jacobians between motions of platform and motors: J_x ẋ = J_q q̇, ẋ = J q̇.
+#pragma once
+
+#include "math/square.hpp"
+#include "mechanism/ikm.hpp"
+
+namespace truepose {
+/// A row of J_x along the platform's free twists: [vᵀ, (R c × v)ᵀ] S, or a_j·((A - p_j) × v) for a
+/// passive axis.
+inline void jx_row(const Carried& carried, const Vec3& v, const Vec3& lever, Real* row) {
+  free_row(carried, v, lever.cross(v), row);
+}
+
+/// |column|² of J_x if nothing cancelled: Σ|v|² for columns of a velocity, Σ|R c|²|v|² for those of
+/// a turn, Σ|A - p_j|²|v|² for a passive axis. Where the rods meet in one point, the column of a
+/// turn vanishes relative to this size. @param v2  |v|² of every chain
+Unknowns column_sizes(const Carried& carried, const Joint& v2,
+                      const std::array<Vec3, kMaxChains>& lever);
+
+/// J_x, the diagonal of J_q, and J = J_x⁻¹ J_q at a closed pose.
+struct Jacobians {
+  int n;
+  Square jx, J;
+  Joint jq;
+  int sign =
+      0;  ///< of det J_x: poses with equal q and different sign are in different assembly modes
+
+  /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without an inverse of J.
+  Joint joint_rate(const Coordinates& rate) const {
+    Joint result{};
+    for (int i = 0; i < n; ++i)
+      result[i] = sum_of(n, [&](int j) { return jx[i][j] * rate[j]; }) / jq[i];
+    return result;
+  }
+};
+
+/// Computes J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
+/// @return singular where J_x loses rank (type 2: the motors do not hold the platform) or an entry
+/// of J_q vanishes (type 1: the arm of `chain` is stretched or folded).
+Outcome jacobian(const Closure& closure, Jacobians& jacobians);
+
+/// Computes J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
+Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J);
+
+/// Whether a determinant's sign differs from that at home, which proves another assembly mode. An
+/// equal sign proves nothing: a robot may have two regions of one sign.
+/// @param home  sign at home; 0: not checked
+/// @param sign  -1, 0 (between two modes) or 1
+constexpr bool other_mode(int home, int sign) { return home != 0 && sign != home; }
+
+/// Derives assembly_sign from the present geometry; unchanged where home is out of its reach.
+/// @return the outcome at home: unreachable, singular, joint_limit
+Outcome note_assembly(Robot& robot);
+
+/// Checks a robot's counts, indices and enums, and derives assembly_sign, limited, encoder_errs and
+/// the inclinometers' vertical. Call it after building a robot and after every change.
+/// A robot with a singular or unreachable home is finished, too: its assembly mode is unchecked.
+/// @return no_such_part, not_square: refused, still unfinished; or the outcome at home:
+/// unreachable, singular, joint_limit
+Outcome finish(Robot& robot);
+}  // namespace truepose

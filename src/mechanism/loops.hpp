@@ -1,0 +1,39 @@
+// Loop-closure residuals with the motors held, and their derivatives by the platform's motion.
+#pragma once
+
+#include "mechanism/jacobian.hpp"
+
+namespace truepose {
+/// f_i = (|v_i|² - L_i²)/2, zero where chain i closes; derivative -J_x in the pose's tangent space.
+struct Loops {
+  Pose pose;
+  Carried carried;
+  std::array<Vec3, kMaxChains> lever, v;  ///< R c, A to B
+  Joint f;
+  Real cost, residual;  ///< Σf², largest closure error (m)
+
+  /// Places the platform and evaluates the loops. @param driven  the motors' points
+  void place(const Robot& robot, const std::array<Driven, kMaxChains>& driven, const Pose& at) {
+    pose = at;
+    carried = carried_frames(robot, at);
+    cost = residual = 0;
+    for (int i = 0; i < carried.n; ++i) {
+      const Chain& chain = robot.chain[i];
+      const Real rod = driven[i].rod;
+      lever[i] = carried.pose.R * chain.pivot;
+      v[i] = chain.base + driven[i].p - carried.pose.D - lever[i] - chain.anchor;
+      f[i] = 0.5 * (v[i].squaredNorm() - rod * rod);
+      cost += f[i] * f[i];
+      residual = std::max(residual, std::fabs(f[i]) / rod);  // |v| - L = f / L to first order
+    }
+  }
+  void jx(Square& rows) const {
+    for (int i = 0; i < carried.n; ++i) jx_row(carried, v[i], lever[i], rows[i].data());
+  }
+  Unknowns sizes() const {
+    Joint v2;
+    for (int i = 0; i < carried.n; ++i) v2[i] = v[i].squaredNorm();
+    return column_sizes(carried, v2, lever);
+  }
+};
+}  // namespace truepose

@@ -1,0 +1,105 @@
+#include "mechanism/pose.hpp"
+
+namespace truepose {
+Pose to_pose(Mobility mobility, const Coordinates& x) {
+  Pose pose;
+  for (int j = 0; j < positions_of(mobility); ++j) pose.D[j] = x[j];
+  if (turns_about_z(mobility)) {
+    pose.theta = x[dof(mobility) - 1];
+    pose.R = rotation_z(pose.theta);
+  }
+  if (mobility == Mobility::spatial) pose.R = exp_so3(Vec3(x[3], x[4], x[5]));
+  return pose;
+}
+
+Coordinates to_coordinates(Mobility mobility, const Pose& pose) {
+  Coordinates x{};
+  for (int j = 0; j < positions_of(mobility); ++j) x[j] = pose.D[j];
+  if (turns_about_z(mobility)) x[dof(mobility) - 1] = pose.theta;
+  if (mobility == Mobility::spatial) {
+    const Vec3 w = log_so3(pose.R);
+    for (int i = 0; i < 3; ++i) x[3 + i] = w[i];
+  }
+  return x;
+}
+
+Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) {
+  Pose result = pose;
+  for (int j = 0; j < positions_of(mobility); ++j) result.D[j] += step[j];
+  if (mobility == Mobility::spatial) result.R = exp_so3(Vec3(step[3], step[4], step[5])) * pose.R;
+  if (turns_about_z(mobility)) {
+    const Real turn = step[dof(mobility) - 1], turn2 = turn * turn;
+    result.theta += turn;
+    if (turn2 < 1e-4) {  // the series is exact to rounding and several times faster
+      const Real s = turn * (1 - turn2 * (1.0 / 6 - turn2 / 120));
+      const Real c = 1 - turn2 * (0.5 - turn2 * (1.0 / 24 - turn2 / 720));
+      const Real x = pose.R(0, 0), y = pose.R(1, 0);
+      result.R(0, 0) = result.R(1, 1) = c * x - s * y;
+      result.R(1, 0) = s * x + c * y;
+      result.R(0, 1) = -result.R(1, 0);
+    } else {
+      result.R = rotation_z(result.theta);
+    }
+  }
+  return result;
+}
+
+Coordinates difference(Mobility mobility, const Pose& to, const Pose& from) {
+  if (mobility == Mobility::spatial) {
+    const Vec3 d = to.D - from.D, w = log_so3(to.R * from.R.transpose());
+    return {d.x(), d.y(), d.z(), w.x(), w.y(), w.z()};
+  }
+  Coordinates step = to_coordinates(mobility, to);
+  const Coordinates start = to_coordinates(mobility, from);
+  for (int i = 0; i < dof(mobility); ++i) step[i] -= start[i];
+  return step;
+}
+
+Carried carried_frames(const Robot& robot, const Pose& pose) {
+  const int n = dof(robot.mobility);
+  Carried carried{robot.mobility, n, pose, {}, {}, {}};
+  if (!is_rotational(robot.mobility)) return carried;
+  std::array<Vec3, kMaxAxes> centre;
+  Vec3 p = Vec3::Zero();
+  Mat3 R = Mat3::Identity();
+  for (int j = 0; j < n; ++j) {
+    const Vec3& d = robot.axis[j].direction;
+    centre[j] = p = p + R * robot.axis[j].origin;
+    carried.axis[j] = R * d;
+    R = R * turn_about(d, std::cos(pose.D[j]), std::sin(pose.D[j]));
+  }
+  carried.pose.D = p;
+  carried.pose.R = R;
+  for (int j = 0; j < n; ++j) {
+    carried.arm[j] = p - centre[j];
+    carried.linear[j] = carried.axis[j].cross(carried.arm[j]);
+  }
+  return carried;
+}
+
+Twist to_twist(const Carried& carried, const Coordinates& rate) {
+  Twist twist;
+  for (int j = 0; j < carried.n; ++j) {
+    if (is_rotational(carried.mobility)) {
+      twist.velocity += rate[j] * carried.linear[j];
+      twist.omega += rate[j] * carried.axis[j];
+    } else if (const int column = free_columns(carried.mobility)[j]; column < 3) {
+      twist.velocity[column] = rate[j];
+    } else {
+      twist.omega[column - 3] = rate[j];
+    }
+  }
+  return twist;
+}
+
+void free_row(const Carried& carried, const Vec3& linear, const Vec3& angular, Real* row) {
+  for (int j = 0; j < carried.n; ++j) {
+    if (is_rotational(carried.mobility)) {
+      row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
+    } else {
+      const int column = free_columns(carried.mobility)[j];
+      row[j] = column < 3 ? linear[column] : angular[column - 3];
+    }
+  }
+}
+}  // namespace truepose

@@ -1,0 +1,50 @@
+#include "mechanism/robot.hpp"
+
+namespace truepose {
+Outcome parts_exist(const Robot& robot) {
+  const auto missing = [](int part) { return Outcome{Status::no_such_part, part}; };
+  const auto below = [](auto index, int count) {
+    return static_cast<int>(index) >= 0 && static_cast<int>(index) < count;
+  };
+  const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
+  const auto sign = [](int value) { return value == 1 || value == -1; };
+  if (!below(robot.mobility, kMobilities) || !below(robot.chains, kMaxChains + 1) ||
+      !below(robot.motors, robot.chains + 1) || !below(robot.r, kMaxSensors + 1) ||
+      robot.motors + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1) ||
+      !below(robot.bar_joint, 2) || !below(robot.level, 2))
+    return missing(-1);
+  for (int i = 0; i < robot.chains; ++i) {
+    const Chain& chain = robot.chain[i];
+    if (!below(chain.actuator, 3) || !sign(chain.working_mode) || !bar(chain.bar))
+      return missing(i);
+  }
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    if (!below(sensor.kind, kSensorKinds)) return missing(kSensorPart + k);
+    const bool chain =
+        properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
+    const bool axis =
+        sensor.kind != SensorKind::axis_angle || below(sensor.axis, passive_axes(robot.mobility));
+    if (!chain || !axis || !sign(sensor.rod) || !bar(sensor.bar)) return missing(kSensorPart + k);
+  }
+  for (int k = 0; k < robot.bodies; ++k)
+    if (!bar(robot.body[k].bar)) return missing(kBodyPart + k);
+  return {};
+}
+
+void note_encoders(Robot& robot) {
+  for (int i = 0; i < robot.chains; ++i)
+    robot.chain[i].encoder_errs = robot.chain[i].encoder_gain != 1 ||
+                                  robot.chain[i].encoder_buildup != 0 ||
+                                  robot.chain[i].eccentricity.any();
+  for (int k = 0; k < robot.r; ++k)
+    robot.sensor[k].encoder_errs = robot.sensor[k].eccentricity.any();
+}
+
+void note_vertical(Robot& robot) {
+  const Vec3& g = robot.gravity;
+  for (int k = 0; k < robot.r; ++k)
+    if (robot.sensor[k].kind == SensorKind::inclinometer)
+      robot.sensor[k].origin = g.norm() > 0 ? -g.normalized() : Vec3::UnitZ();
+}
+}  // namespace truepose
