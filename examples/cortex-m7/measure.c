@@ -23,9 +23,10 @@ static truepose_fault_report report;
 static truepose_safety_shell shell;
 static truepose_safety_report safe;
 static truepose_safety_marks marks;
-static truepose_real work[WORK], memory[MEMORY], out[6 * 16];
+static truepose_servo_cycle servo_cycle;
+static truepose_real work[WORK], memory[MEMORY], out[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS];
 static truepose_setpoint setpoint;
-static truepose_real q[6], q_e[16], near[6];
+static truepose_real q[TRUEPOSE_FREEDOMS], q_e[TRUEPOSE_READINGS], near[6];
 static int n, e;
 static uint32_t per_tick;
 
@@ -54,8 +55,8 @@ static int32_t fkm_torques(void) {
              : truepose_joint_torque(&model, near, setpoint.rate, out).status; /* any torques */
 }
 static int32_t tej(void) { return truepose_tej(&model, setpoint.x, 0, out).status; }
-static int32_t motor_error(void) {
-  return truepose_motor_error(&model, TRUEPOSE_LAW_TEJ, 0, setpoint.x, q_e, 0, 0, out).status;
+static int32_t servo(void) {
+  return truepose_servo(&model, TRUEPOSE_LAW_TEJ, 0, setpoint.x, q_e, 0, 0, &servo_cycle).status;
 }
 static int32_t estimate(void) {
   return truepose_estimate(&model, &ITS(knowledge), q_e, work, near).outcome.status;
@@ -88,7 +89,7 @@ static const entry entries[] = {
     {"FKM, from the last cycle's pose", fkm, 0, 0, 0},
     {"and the joints' torques there", fkm_torques, 0, 0, 0},
     {"TEJ", tej, 0, 0, 0},
-    {"motor error, TEJ", motor_error, 0, 0, 0},
+    {"servo cycle, TEJ", servo, 0, 0, 0},
     {"estimate", estimate, 0, 0, 0},
     {"control, joint", control, TRUEPOSE_LAW_JOINT, 0, 0},
     {"control, TEJ", control, TRUEPOSE_LAW_TEJ, 0, 0},
@@ -145,7 +146,7 @@ static int start(const entry* asked) {
          (asked->call != safely || begin_safely(&settings));
 }
 
-/* Prints one row, unless the call was left out or needs sensors that the robot lacks.
+/* Prints one row, unless the call needs sensors that the robot lacks.
  * @return 0: no answer */
 static int measure(const entry* asked) {
   uint32_t sum = 0, worst = 0, stack = 0;
@@ -154,7 +155,7 @@ static int measure(const entry* asked) {
   for (int cycle = 0; cycle < CYCLES; ++cycle) {
     at_cycle(cycle);
     const uint32_t took = ticks_of(asked->call, &status);
-    if (status == TRUEPOSE_NOT_COMPILED || status == TRUEPOSE_NOT_MEASURED) return 1;
+    if (status == TRUEPOSE_NOT_MEASURED) return 1;
     if (status > TRUEPOSE_OK || (asked->call == safely && !safe.follows)) return 0;
     sum += took;
     if (took > worst) worst = took;

@@ -1,100 +1,81 @@
-// Online calibration in a control loop. One line of readings a cycle.
+// Online calibration: a controller identifies its robot's geometry, one row of readings a cycle.
+#include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <vector>
 
-#include "h4.hpp"
-#include "simulation/plant.hpp"  // stands for the machine
+#include "truepose/truepose.hpp"
+#include "wired.h"  // truepose export c h4 --sensors theta,wire1,wire2,wire3 --name wired -o wired.h
 
 using namespace truepose;
 
 namespace {
 
-/// The drawn robot's learner, and the memory that it works in: all of it taken before the loop.
-struct Memory {
-  explicit Memory(const Robot& drawn) {
-    const auto uncertain = [&](int of, auto parameter, double sigma) {
-      column.push_back(of + static_cast<int>(parameter));
-      sigmas.push_back(sigma);
-    };
-    for (int i = 0; i < 4; ++i) {  // what machining and assembly leave open, m and rad
-      uncertain(chain_column(i), ChainParameter::rod, 3e-3);
-      uncertain(chain_column(i), ChainParameter::arm, 3e-4);
-      uncertain(chain_column(i), ChainParameter::encoder_offset, 2e-3);
-    }
-    for (int k = 0; k < drawn.r; ++k)
-      uncertain(sensor_column(drawn, k), SensorParameter::offset, 3e-4);
-    const int p = static_cast<int>(column.size());
-    xi.resize(parameter_count(drawn));
-    started = drawn_parameters(drawn, xi.data());
-    root.resize(p * p);
-    for (int k = 0; k < p; ++k) root[k * p + k] = sigmas[k];
-    kept.resize(online_kept(p));
-    work.resize(online_work(drawn, p));
-    learner.drawn = &drawn;
-    learner.robot = drawn;
-    learner.pose = to_pose<kH4>(drawn.home);
-    learner.state = {p, column.data(), xi.data(), root.data(), {}, 0, kept.data()};
-    for (int i = 0; i < 4; ++i) learner.state.sigma[i] = drawn.chain[i].encoder_step;
-    for (int k = 0; k < drawn.r; ++k) learner.state.sigma[4 + k] = drawn.sensor[k].step;
-    learner.work = work.data();
-  }
-  Memory(const Memory&) = delete;
-  Memory& operator=(const Memory&) = delete;
-
-  std::vector<int> column;
-  std::vector<double> sigmas, xi, root, kept, work;
-  OnlineCalibrator learner;
-  Outcome started;  ///< refused where the robot is not finished
-};
-
-/// How far from where it is sent the machine comes to rest, mm.
-double apart(const Robot& believed, const Robot& machine, const Coordinates& sent) {
+/// Distance in mm between a target and the pose that the machine takes for it.
+double apart(const Model& model, const Model& machine, const Coordinates& target) {
   Joint q;
-  Coordinates x = sent;
-  if (!ikm(believed, sent, q) || !fkm(machine, q, x)) return -1;
-  return 1e3 * (Vec3(x.data()) - Vec3(sent.data())).norm();
+  Coordinates x = target;
+  if (!model.ikm(target, q) || !machine.fkm(q, x)) return -1;
+  return 1e3 * std::hypot(x[0] - target[0], x[1] - target[1], x[2] - target[2]);
+}
+
+/// What the machine's encoders read, in whole counts, where the model sends it.
+bool read(const Model& model, const Model& machine, const Coordinates& target, Extended& q_e) {
+  Joint q;
+  Coordinates x = target;
+  if (!model.ikm(target, q) || !machine.fkm(q, x) || !machine.readings(x, q_e)) return false;
+  for (int i = 0; i < machine.freedoms() + machine.sensors(); ++i) {
+    const int k = i - machine.freedoms();
+    const Real step = k < 0 ? wired.chain[i].encoder_step : wired.sensor[k].step;
+    if (step > 0) q_e[i] = step * std::round(q_e[i] / step);
+  }
+  return true;
 }
 
 }  // namespace
 
 int main() {
-  Robot drawn;
-  if (!make_h4(drawn)) return 1;
-  const Vec3 wire[]{{0, 0.25, 0}, {-0.2, -0.2, 0}, {0.2, -0.2, 0}};  // three draw-wires
-  for (const Vec3& origin : wire) {
-    Sensor& sensor = drawn.sensor[drawn.r++];
-    sensor.kind = SensorKind::distance;
-    sensor.origin = origin;
-    sensor.step = 20e-6;
-  }
-  Robot machine = drawn;  // as built
-  machine.chain[2].rod += 0.003;
-  machine.chain[0].arm -= 0.0004;
-  machine.chain[1].encoder_offset += 0.002;
-  if (!finish(drawn) || !finish(machine)) return 1;
+  Model nominal, machine;
+  truepose_description built = wired_finest;
+  built.chain[2].rod += 0.003;
+  built.chain[0].arm -= 0.0004;
+  built.chain[1].encoder_offset += 0.002;
+  if (!nominal.load(wired_finest) || !machine.load(built)) return 1;
 
-  Memory memory(drawn);
-  if (!memory.started) return 1;
-  OnlineCalibrator& learner = memory.learner;
+  // All memory is taken before the loop.
+  truepose_online_calibrator calibrator;
+  std::vector<Real> memory(truepose_online_calibrator_memory(nominal.c(), wired_knowledge.count));
+  const Outcome started = outcome_of(truepose_online_calibrator_init(
+      &calibrator, sizeof calibrator, nominal.c(), &wired_knowledge, memory.data(), memory.size()));
+  if (!started) return 1;
+
   const Coordinates target{0.08, -0.06, -0.38, 0.3};
-  std::printf("drawn:   %.3f mm from the target\n", apart(drawn, machine, target));
-  Random random(1);
+  std::printf("nominal:    %.3f mm from the target\n", apart(nominal, machine, target));
   for (int cycle = 0; cycle < 4000; ++cycle) {  // 4 s at 1 kHz
     const double t = 1e-3 * cycle;
-    const Coordinates sent{0.09 * std::sin(3 * t), 0.09 * std::cos(5 * t),
-                           -0.4 + 0.04 * std::sin(7 * t), 0.4 * std::sin(4 * t)};
-    Joint q;
-    Coordinates x = sent;
-    if (!ikm(learner.robot, sent, q) || !fkm(machine, q, x)) return 1;
     Extended q_e{};
-    if (!measure<kH4>(machine, to_pose<kH4>(x), random, q_e)) return 1;
-    const Outcome outcome = calibrate_online<kH4>(learner, q_e);  // no allocation, bounded work
-    if (!outcome || outcome.status == Status::stopped)
+    if (!read(nominal, machine,
+              {0.09 * std::sin(3 * t), 0.09 * std::cos(5 * t), -0.4 + 0.04 * std::sin(7 * t),
+               0.4 * std::sin(4 * t)},
+              q_e))
+      return 1;
+    const Outcome outcome = outcome_of(truepose_online_calibrator_step(&calibrator, q_e.data()));
+    if (outcome.status != Status::ok)
       std::printf("cycle %d: %s\n", cycle, describe(outcome.status));
   }
-  std::printf("learnt:  %.3f mm, from %ld lines\n", apart(learner.robot, machine, target),
-              learner.lines);
-  std::printf("chain 3's rod: %.3f mm, built %.3f\n", 1e3 * learner.robot.chain[2].rod,
-              1e3 * machine.chain[2].rod);
+
+  static truepose_model identified;
+  truepose_description description;
+  std::int64_t used = 0, excluded = 0;
+  Model calibrated;
+  if (!outcome_of(truepose_online_calibrator_model(&calibrator, &identified, sizeof identified)) ||
+      !outcome_of(truepose_description_of(&identified, &description)) ||
+      !outcome_of(truepose_online_calibrator_samples(&calibrator, &used, &excluded)) ||
+      !calibrated.load(description))
+    return 1;
+  std::printf("calibrated: %.3f mm, from %d rows\n", apart(calibrated, machine, target),
+              static_cast<int>(used));
+  std::printf("chain 3's rod: %.3f mm, built %.3f\n", 1e3 * description.chain[2].rod,
+              1e3 * built.chain[2].rod);
   return 0;
 }

@@ -1,4 +1,4 @@
-"""Locations of the C++ headers and CMake files in the installed package."""
+"""Locations of the headers, libraries and CMake files for C and C++ in the installed package."""
 
 from pathlib import Path
 
@@ -6,9 +6,10 @@ from truepose.exceptions import TrueposeError
 
 
 def get_include() -> str:
-    """Return the folder for a compiler's include path: ``#include "truepose/..."``.
+    """Return the folder for a compiler's include path: ``#include "truepose/truepose.hpp"``.
 
-    TrueposeError if the package runs from its source tree: installation adds the headers.
+    The libraries are in the folder ``lib`` beside it. TrueposeError if the package runs from its
+    source tree: installation adds headers and libraries.
     """
     return _installed("include")
 
@@ -25,5 +26,5 @@ def get_cmake_dir() -> str:
 def _installed(place: str) -> str:
     folder = Path(__file__).parent / "_data" / place
     if not folder.is_dir():
-        raise TrueposeError(f"no C++ headers in {folder}: install truepose (pip install .)")
+        raise TrueposeError(f"no C++ package in {folder}: install truepose (pip install .)")
     return str(folder)

@@ -6,7 +6,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -35,7 +34,7 @@ TEST("what a kind's `sense` says of its derivatives is what its finite differenc
   sensor.target = Vec3(0.04, -0.03, 0.02);
   sensor.direction = Vec3(0.9, 0.3, -0.2).normalized();
   sensor.normal = Vec3(0.2, 0.4, 0.8).normalized();
-  const Pose pose = to_pose<Mobility::spatial>({0.1, 0.2, -0.4, 0.1, 0.2, 0.3});
+  const Pose pose = to_pose(Mobility::spatial, {0.1, 0.2, -0.4, 0.1, 0.2, 0.3});
   for (const SensorProperties& row : kSensorTable) {
     if (row.of_chain || row.is_theta) continue;
     check::state().scene = row.name;
@@ -52,7 +51,7 @@ TEST("what a kind's `sense` says of its derivatives is what its finite differenc
         return (at(h) - at(-h)) / (2 * h);
       };
       const auto vector = [&](auto of) {
-        return slope([&](Sensor& o, Pose&, const Vec3& d) { (o.*of)() += d; });
+        return slope([&](Sensor& o, Pose&, const Vec3& d) { o.*of += d; });
       };
       const auto turned = [](Sensor&, Pose& p, const Vec3& d) { p.R = exp_so3(d) * p.R; };
       CHECK_NEAR(s.linear[axis], slope([](Sensor&, Pose& p, const Vec3& d) { p.D += d; }), 1e-8);
@@ -94,21 +93,22 @@ def follow(title: str, root: Path) -> set[str]:
 def sources(tmp_path_factory):
     """Return a copy of the sources with a new sensor and a new law, and what each touched."""
     root = tmp_path_factory.mktemp("extended")
-    shutil.copytree(ROOT / "include", root / "include")
+    for folder in ("include", "src"):
+        shutil.copytree(ROOT / folder, root / folder)
     shutil.copytree(ROOT / "tests/cpp", root / "tests/cpp")
     shutil.copytree(Path(truepose.__file__).parent, root / "python/truepose")
     return root, follow("A sensor", root), follow("A law", root)
 
 
-def test_a_sensor_touches_three_files_and_its_test_a_law_two(sources):
+def test_a_sensor_touches_four_files_and_its_test_a_law_three(sources):
     _, *touched = sources
-    for files, most in zip(touched, (3, 2), strict=True):
+    for files, most in zip(touched, (4, 3), strict=True):
         assert len([file for file in files if not file.startswith("tests/")]) == most
         assert len([file for file in files if file.startswith("tests/")]) == 1
 
 
 def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
-    """One compilation: the derivatives in the table's rows, and the page's own statements."""
+    """One compilation: the control path, derivatives in the table's rows, the page's statements."""
     root, *_ = sources
     compiler = os.environ.get("CXX") or next(filter(shutil.which, ("clang++", "g++", "c++")), "")
     if not compiler:
@@ -116,12 +116,18 @@ def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
     whole = tmp_path / "extended.cpp"
     own = section("A sensor"), section("A law")
     tests = [DERIVATIVES]
-    tests += [step["block"] for text in own for step in STEP.finditer(text) if "TEST(" in step[0]]
-    headers = ["mechanisms.hpp", "truepose/control/law.hpp", "check_main.cpp"]
-    start = "".join(f'#include "{header}"\n' for header in headers)
+    tests += [
+        step["block"]
+        for text in own
+        for step in STEP.finditer(text)
+        if "CHECK_NEAR" in step["block"]
+    ]
+    rooms = ("math", "mechanism", "estimation", "control")
+    path = sorted(file for room in rooms for file in (root / "src" / room).glob("*.cpp"))
+    files = [*path, "mechanisms.hpp", "check_main.cpp"]
+    start = "".join(f'#include "{file}"\n' for file in files)
     whole.write_text(start + "using namespace mechanisms;\n" + "\n".join(tests), encoding="utf-8")
-    eigen = Path(find_spec("cmeel").origin).parents[1] / "cmeel.prefix/include/eigen3"
-    include = [f"-I{root}/include", f"-I{root}/tests/cpp", f"-I{eigen}"]
+    include = [f"-I{root}/{folder}" for folder in ("include", "src", "tests/cpp")]
     out = str(tmp_path / "extended")
     build = [*shlex.split(compiler), "-std=c++20", "-O0", *include, str(whole), "-o", out]
     subprocess.run(build, check=True, text=True)
