@@ -1,4 +1,4 @@
-"""Processor time to install truepose and to compile against it, over that of Eigen's `Dense`.
+"""Processor time to build, install and include truepose, over that of including Eigen's `Dense`.
 
     python benchmarks/build_cost.py [--compiler clang++-22]      # some minutes
 
@@ -26,15 +26,9 @@ truepose::Outcome cycle(const truepose::Model& model, const truepose::Coordinate
   return model.servo(TRUEPOSE_LAW_TEJ, x_d, q_e, cycle);
 }
 """,
-    "#include <truepose/core.hpp>": "#include <truepose/core.hpp>\n",
-    "the same, a control cycle of any robot": """#include <truepose/core.hpp>
-using namespace truepose;
-Outcome cycle(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
-              const Extended& q_e, ControlState& state) {
-  return control(robot, settings, setpoint, q_e, state);
 }
-""",
-}
+#: The control path, and calibration and simulation.
+LIBRARIES = {"libtruepose.a": "truepose_static", "libtruepose-offline.a": "truepose_offline"}
 
 
 def used(*words: object) -> tuple[float, float]:
@@ -75,6 +69,11 @@ def main() -> None:
             time, memory = min(runs)
             base = base or time
             row(program, f"{time:.2f}", f"{time / base:.2f}", f"{memory:.0f}")
+        options = ["-DTRUEPOSE_PYTHON=OFF", "-DCMAKE_BUILD_TYPE=Release"]
+        used("cmake", "-S", SOURCE, "-B", folder / "build", "--log-level=WARNING", *options)
+        for library, target in LIBRARIES.items():
+            time, memory = used("cmake", "--build", folder / "build", "--target", target)
+            row(library, f"{time:.1f}", f"{time / base:.0f}", f"{memory:.0f}")
         time, memory = installed(folder)
         row("`pip install .`", f"{time:.0f}", f"{time / base:.0f}", f"{memory:.0f}")
 

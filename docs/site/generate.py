@@ -10,14 +10,19 @@ import inspect
 import itertools
 import operator
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import truepose
 from truepose.robotfile import reading, sensors
 from truepose.robotfile.schema import RobotFile
 
-INCLUDE = Path(__file__).parents[2] / "include" / "truepose"
+SOURCES = Path(__file__).parents[2] / "src"
+#: Rooms of the library, each on the ones before it.
+ROOMS = ("math", "mechanism", "estimation", "control", "c", "calibration", "simulation", "python")
+#: Public headers: of C for controllers and for computers without a deadline, and of C++.
+C_HEADERS = ("truepose.h", "calibrate.h")
+CPP_HEADERS = ("truepose.hpp", "status.hpp", "sizes.hpp")
 
 #: Words for the types of a JSON schema.
 WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true, false"}
@@ -235,37 +240,22 @@ def _directive(name: str) -> str:
     return f".. currentmodule:: {where}\n\n.. auto{kind}:: {last}{members}"
 
 
-def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
-    """Every header and its subject; and, by room, what Doxygen knows of them."""
-    text, pages = "", {}
-    headers = sorted(INCLUDE.rglob("*.hpp"))
-    for room, files in itertools.groupby(headers, key=lambda header: header.parent.name):
-        name = f"[`{room}/`](cpp/{room}.md)" if doxygen else f"`{room}/`"
-        text += f"\n{name}\n\n"
-        page = f"# {room}\n"
-        for header in files:
-            path, subject = header.relative_to(INCLUDE.parent).as_posix(), _subject(header)
-            text += f"- `{header.name}`: {subject}\n"
-            page += f"\n## {header.name}\n\n`{path}`: {subject}\n\n"
-            # What is in a nested namespace alone is no interface, and Doxygen knows no file of it.
-            if "}  // namespace truepose\n" in header.read_text(encoding="utf-8"):
-                page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
-        pages[f"cpp/{room}.md"] = page
-    if not doxygen:
-        return f"*Built without doxygen: the reference itself is left out.*\n{text}", {}
-    return f"{text}\n```{{toctree}}\n:hidden:\n:glob:\n\ncpp/*\n```\n", pages
-
-
-#: Of C: for machine controllers, and what needs a computer without a deadline.
-C_HEADERS = ("truepose", "calibrate")
-
-
-def c(doxygen: bool) -> str:
-    """What Doxygen knows of the C interface."""
+def headers(names: Iterable[str], doxygen: bool) -> str:
+    """What Doxygen knows of public headers."""
     if not doxygen:
         return "*Built without doxygen: the reference itself is left out.*\n"
-    files = "\n".join(f".. doxygenfile:: truepose/{name}.h" for name in C_HEADERS)
+    files = "\n".join(f".. doxygenfile:: {name}" for name in names)
     return f"```{{eval-rst}}\n{files}\n```\n"
+
+
+def internal_headers() -> str:
+    """Every internal header and its subject, by room."""
+    text = ""
+    for room in ROOMS:
+        text += f"\n`src/{room}`\n\n"
+        for header in sorted((SOURCES / room).glob("*.hpp")):
+            text += f"- `{header.name}`: {_subject(header)}\n"
+    return text
 
 
 def _subject(header: Path) -> str:
@@ -278,17 +268,13 @@ def _subject(header: Path) -> str:
 
 def parts(doxygen: bool) -> dict[str, str]:
     """Every generated part, by the name under which a page includes it; and pages."""
-    headers, pages = cpp(doxygen)
     names, subjects = python()
-    return (
-        pages
-        | subjects
-        | {
-            "generated/robot-file.md": robot_file(),
-            "generated/robots.md": robots(),
-            "generated/commands.md": commands(),
-            "generated/python.md": names,
-            "generated/cpp.md": headers,
-            "generated/c.md": c(doxygen),
-        }
-    )
+    return subjects | {
+        "generated/robot-file.md": robot_file(),
+        "generated/robots.md": robots(),
+        "generated/commands.md": commands(),
+        "generated/python.md": names,
+        "generated/cpp.md": headers(CPP_HEADERS, doxygen),
+        "generated/internal-headers.md": internal_headers(),
+        "generated/c.md": headers(C_HEADERS, doxygen),
+    }

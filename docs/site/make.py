@@ -16,7 +16,6 @@ from collections.abc import Callable
 from html.parser import HTMLParser
 from os.path import relpath
 from pathlib import Path
-from xml.etree import ElementTree
 
 import generate
 
@@ -114,12 +113,6 @@ def doxygen(folder: Path) -> bool:
     settings = (DOCS / "Doxyfile").read_text(encoding="utf-8")
     settings += f"\nOUTPUT_DIRECTORY={folder}\nGENERATE_XML=YES\nGENERATE_HTML=NO\n"
     subprocess.run(["doxygen", "-"], input=settings, text=True, cwd=ROOT, check=True)
-    # Files of one name in several rooms: breathe tells them apart by their paths alone.
-    index = ElementTree.parse(folder / "xml" / "index.xml")
-    for file in index.findall("compound[@kind='file']"):
-        about = ElementTree.parse(folder / "xml" / f"{file.get('refid')}.xml")
-        file.find("name").text = about.find("compounddef/location").get("file")
-    index.write(folder / "xml" / "index.xml", encoding="utf-8", xml_declaration=True)
     return True
 
 

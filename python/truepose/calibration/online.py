@@ -29,7 +29,7 @@ class OnlineCalibrator:
 
     It starts from the priors of the robot file (or its last calibration) and ends near the result
     of :func:`truepose.calibrate` on the same rows. In the core a row takes bounded time and no
-    memory (``include/truepose/estimation/online_calibration.hpp``).
+    memory (``src/estimation/online_calibration.hpp``).
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def _plant(
     E = delays.carried(robot, -np.linalg.solve(robot.jacobian(x), leak), H_x, period)
     inertia = slope[:, None] * gain_inertia(robot, settings, x, robot.home)
 
-    # Platform, and rotors on compliant arms: see offline/effects.hpp.
+    # Platform, and rotors on compliant arms: see simulation/effects.hpp.
     springy, own, left = _apart(robot, effects, M, K)
     k = effects.arm_stiffness
     damping = 2 * _ARM_DAMPING * np.sqrt(k * own)
