@@ -33,7 +33,7 @@ LIBRARIES = {"libtruepose.a": "truepose_static", "libtruepose-offline.a": "truep
 
 def used(*words: object) -> tuple[float, float]:
     """Return processor time (s) of a command with its children, and memory (MB) of the largest."""
-    child = subprocess.Popen([str(word) for word in words])
+    child = subprocess.Popen([str(word) for word in words], stdout=subprocess.DEVNULL)
     _, child.returncode, usage = os.wait4(child.pid, 0)
     if child.returncode:
         sys.exit(f"failed: {words}")

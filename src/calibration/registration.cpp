@@ -79,7 +79,7 @@ void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen&
   if (turns_about_z(mobility)) {
     const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);
-    const double sine = std::hypot(a.x(), a.y());
+    const double sine = std::sqrt(a.x() * a.x() + a.y() * a.y());  // no hypot: glibc 2.35
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
     registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
