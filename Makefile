@@ -143,7 +143,7 @@ coverage-cpp: $(VENV)/developing
 	  cmake --build --preset coverage && ctest --preset coverage && \
 	  cd build/coverage && llvm-profdata-22 merge -sparse -o all.profdata *.profraw && \
 	  set -- tests/cpp/test_*[a-z] && llvm-cov-22 report "$$1" $$(printf -- ' -object %s' "$$@") \
-	    -instr-profile all.profdata --show-branch-summary $(CURDIR)/include/truepose; \
+	    -instr-profile all.profdata --show-branch-summary $(CURDIR)/src; \
 	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
 
 bench: build/dev/build.ninja

@@ -143,7 +143,7 @@ class Build:
         flags += " -ferror-limit=0" * ("clang" in chosen)
         self._run(
             *("cmake", "-S", tree, "-B", tree / "build", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Debug"),
-            *("-DTRUEPOSE_PYTHON=OFF", "-DTRUEPOSE_C=OFF", "-DTRUEPOSE_TESTS=ON"),
+            *("-DTRUEPOSE_PYTHON=OFF", "-DTRUEPOSE_TESTS=ON"),
             *("-DCMAKE_CXX_FLAGS_DEBUG=-O1", f"-DCMAKE_CXX_FLAGS={flags}"),
             *(f"-DCMAKE_CXX_COMPILER={chosen}", f"-DPython_EXECUTABLE={sys.executable}"),
         )
@@ -163,9 +163,9 @@ class Build:
             self.seconds[test] = time.monotonic() - begun
 
     def tests(self, site: Site) -> list[str]:
-        """Return the tests that are labelled with the site's header, or its folder in src."""
+        """Return the tests that are labelled with the site's header, or with c."""
         path = Path(site[0])
-        about = path.parent.name if path.parts[0] == "src" else path.stem
+        about = "c" if path.parent.name == "c" else path.stem
         return [test for test, of in self.labels.items() if about in of]
 
     def _run(self, *command: str | Path) -> tuple[int, str]:

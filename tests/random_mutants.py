@@ -49,8 +49,9 @@ SWAPS = {
 PICTURES = ("show/", "figures.py", "chart.py", "scene.py", "page.py")
 #: Lines that compute nothing.
 NAMES = ("raise ", "from ", "import ", "for ", "@")
+ROOMS = ("math", "mechanism", "estimation", "control", "calibration", "simulation", "c")
 #: What is read of the core: what the C++ tests link.
-CORE = ("include/truepose", "src/c")
+CORE = [f"src/{room}" for room in ROOMS]
 
 Site = tuple[str, int, int, int, str]  #: file, line, first and last column, what stands there
 

@@ -6,7 +6,7 @@
 //
 // test_nonblocking (preset `realtime`) is clang's: RealtimeSanitizer watches the loops run, and
 // -Wfunction-effects, there an error, proves the same when compiling. clang infers the effects of
-// inline functions it can see: the attribute on the loop covers all that a step calls.
+// functions it can see: the attribute on the loop covers all that a step calls.
 #include <cstdlib>
 
 #include "control/command.hpp"
