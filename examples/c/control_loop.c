@@ -16,33 +16,34 @@ static int fails(const char* what, truepose_outcome outcome) {
 }
 
 /* A pose on the paper's way, 0.2 s, by its quintic time law. */
-static void pose_at(int cycle, truepose_real x[6]) {
-  static const truepose_real from[6] = {-0.05, 0, -0.42, 0.2}, to[6] = {0.05, 0.05, -0.40, -0.2};
+static void pose_at(int cycle, truepose_real x[4]) {
+  static const truepose_real from[4] = {-0.05, 0, -0.42, 0.2}, to[4] = {0.05, 0.05, -0.40, -0.2};
   const double u = fmin(cycle / 200.0, 1), s = u * u * u * (10 + u * (6 * u - 15));
-  for (int i = 0; i < 6; ++i) x[i] = from[i] + s * (to[i] - from[i]);
+  for (int i = 0; i < 4; ++i) x[i] = from[i] + s * (to[i] - from[i]);
 }
 
 static int run(int32_t law, const char* name) {
-  truepose_real x[6], x_d[6], q[6], q_d[6], q_next[6], q_e[TRUEPOSE_READINGS], e[6];
+  truepose_real x[8] = {0}, x_d[8] = {0}, q[8], last[8], q_e[TRUEPOSE_READINGS];
+  truepose_servo_cycle servo;
   struct timespec next;
   clock_gettime(CLOCK_MONOTONIC, &next);
   pose_at(0, x_d);
   pose_at(0, x);
-  if (fails("start", truepose_ikm(&model, x_d, q_d))) return 0;
-  for (int i = 0; i < 6; ++i) q[i] = q_d[i];
+  if (fails("start", truepose_ikm(&model, x_d, q)) ||
+      fails("start", truepose_ikm(&model, x_d, last)))
+    return 0;
   for (int cycle = 0; cycle < 500; ++cycle) {
     next.tv_nsec = (next.tv_nsec + 1000000) % 1000000000;
     next.tv_sec += next.tv_nsec < 1000000;
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
+    pose_at(cycle, x_d);
     if (fails("machine", truepose_fkm(&machine, q, 12, x).outcome) || /* what its encoders read */
         fails("machine", truepose_readings(&machine, x, q_e)) ||
-        fails("error", truepose_motor_error(&model, law, 0, x_d, q_e, NULL, NULL, e)))
+        fails("servo", truepose_servo(&model, law, 0, x_d, q_e, NULL, NULL, &servo)))
       return 0;
-    pose_at(cycle + 1, x_d);
-    if (fails("setpoint", truepose_ikm(&model, x_d, q_next))) return 0;
     for (int i = 0; i < 4; ++i) { /* drives that take velocities */
-      q[i] += q_next[i] - q_d[i] + 0.05 * e[i];
-      q_d[i] = q_next[i];
+      q[i] += servo.q_d[i] - last[i] + 0.05 * servo.error[i];
+      last[i] = servo.q_d[i];
     }
   }
   printf("%s law: theta off by %.3f deg\n", name, 57.29577951308232 * (x[3] - x_d[3]));

@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from compiling import told, wheels_eigen
+from compiling import told
 
 SOURCE = Path(__file__).parents[2]
 
@@ -23,9 +23,7 @@ pytestmark = [
 
 def board(folder: Path, *options: str) -> str:
     """Return what `make -C examples/cortex-m7` says; it fails where the self-test does."""
-    eigen = wheels_eigen() / "include" / "eigen3"
-    folders = (f"BUILD={folder}", f"EIGEN={eigen}")
-    return told("make", "-C", SOURCE / "examples" / "cortex-m7", *folders, *options)
+    return told("make", "-C", SOURCE / "examples" / "cortex-m7", f"BUILD={folder}", *options)
 
 
 @pytest.fixture(scope="module")
@@ -48,26 +46,27 @@ def test_it_answers_as_python_does(said):
 
 
 def test_an_h4_with_control_fits_a_small_machine(said):
-    assert row(said, "control")[0] <= 48
+    assert row(said, "control")[0] <= 96
     mean, worst, stack = row(said, "control, TEJ")
     assert mean <= worst <= 10_000
-    assert stack <= 8192
+    assert stack <= 9600
 
 
 def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_path):
     single = board(tmp_path, "SINGLE=1")
     for entry in ("IKM", "FKM, from the last cycle's pose", "TEJ", "control, TEJ"):
         assert row(single, entry)[0] < row(said, entry)[0]
-    assert row(single, "control")[0] <= 40
-    assert row(single, "TEJ, full feed-forward")[0] <= 10_000
+    assert row(single, "control")[0] <= 92
+    assert row(single, "control, TEJ")[0] <= 8_000
+    assert row(single, "TEJ, full feed-forward")[0] <= 14_000
 
 
 def test_an_ankle_answers_there_as_elsewhere_and_costs_less_than_an_h4(said, tmp_path):
-    ankle = board(tmp_path, "ROBOT=g1_ankle", "MOBILITY=rotational_2")
+    ankle = board(tmp_path, "ROBOT=g1_ankle")
     assert "FAILED" not in ankle
     for entry in ("IKM", "FKM, from the last cycle's pose", "control, TEJ", "estimate"):
         assert row(ankle, entry)[0] < row(said, entry)[0]
-    assert row(ankle, "and the joints' torques there")[0] <= 6500
+    assert row(ankle, "and the joints' torques there")[0] <= 14_000
 
 
 def test_no_cycle_takes_much_longer_than_its_usual_one(said):
