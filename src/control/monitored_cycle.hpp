@@ -227,7 +227,7 @@ struct MonitoredCycle {
   Real stood(int c, Real way) const {
     const MonitoredReading& reading = monitor_.reading[c];
     const Real by = model(c) - reading.model + way;
-    const Real also = c < n ? by + reading.off : by, side = std::copysign(1, by);
+    const Real also = c < n ? by + reading.off : by, side = std::copysign(Real(1), by);
     Real left = side * (asked(c) - reading.asked + way);
     // Off q_d both are approximate: one far from it, the other along a long way.
     if (c >= n) left = std::min(left, side * reading.told);

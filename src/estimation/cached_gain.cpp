@@ -4,7 +4,8 @@ namespace truepose {
 std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   std::uint64_t mark = 14695981039346656037ULL;
   const auto word = [&](std::uint64_t value) { mark = (mark ^ value) * 1099511628211ULL; };
-  const auto number = [&](Real value) { word(std::bit_cast<std::uint64_t>(double(value))); };
+  using Bits = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
+  const auto number = [&](Real value) { word(std::bit_cast<Bits>(value)); };
   const auto vectors = [&](auto... vector) { (std::for_each_n(vector->data(), 3, number), ...); };
   const auto encoder = [&](const Eccentricity& of) {
     number(of.gear);

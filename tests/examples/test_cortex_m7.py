@@ -59,6 +59,8 @@ def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_
     assert row(single, "control")[0] <= 92
     assert row(single, "control, TEJ")[0] <= 8_000
     assert row(single, "TEJ, full feed-forward")[0] <= 14_000
+    calls = told("arm-none-eabi-nm", "--undefined-only", *tmp_path.glob("*/*.o"))
+    assert "sinf" in calls and not re.search(r"__aeabi_(d|\w+2d\b)", calls)  # no double anywhere
 
 
 def test_an_ankle_answers_there_as_elsewhere_and_costs_less_than_an_h4(said, tmp_path):
