@@ -1,7 +1,7 @@
 // The core in WebAssembly, as robots: truepose.h and calibrate.h in wasm32's layout. Units: m, rad.
 "use strict";
 
-const READINGS = 16, MODEL_BYTES = 12288;
+const MOTORS = 6, READINGS = 16, MODEL_BYTES = 12288, CYCLE_NUMBERS = 512;
 const LAWS = { joint: 0, tej: 1, estimated: 4 };
 const binary = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
 
@@ -92,7 +92,8 @@ class Robot {
     const q = this.ikm(desired);
     let x = truth.fkm(q, desired), readings = truth.readings(x);
     for (let step = 0; law !== "joint" && step < 60; ++step) {
-      const error = this.call("motor_error", this.n, LAWS[law], 0, desired, readings, this.known, this.work, []);
+      const cycle = this.call("servo", MOTORS + this.n, LAWS[law], 0, desired, readings, this.known, this.work, Array(CYCLE_NUMBERS).fill(0));
+      const error = cycle.slice(MOTORS); // behind q_d
       error.forEach((e, i) => (q[i] += e));
       x = truth.fkm(q, x), readings = truth.readings(x);
       if (Math.max(...error.map(Math.abs)) < 1e-12) break;
