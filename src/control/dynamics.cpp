@@ -198,9 +198,9 @@ Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates
   DynamicModel model;
   Outcome outcome = ikm(robot, pose, closure, false);
   if (outcome) outcome = jacobian(closure, jacobians);
-  if (outcome) outcome = dynamic_model(robot, closure, rate, model);
+  if (outcome) outcome = dynamic_model(robot, closure, rate, model, &acceleration);
   if (!outcome) return outcome;
-  torque = inverse_dynamics(model, jacobians.J, acceleration);
+  torque = motor_torques(model.n, jacobians.J, model.bias, model.slope);
   for (int i = 0; i < dof(robot.mobility); ++i)
     torque[i] += friction(robot.chain[i], model.rate[i]);
   if (!all_finite(torque, dof(robot.mobility))) return {Status::not_finite, -1};

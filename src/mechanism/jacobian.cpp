@@ -1,10 +1,12 @@
 #include "mechanism/jacobian.hpp"
 
+#include <tuple>
+
 namespace truepose {
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   const int n = jacobians.n = closure.carried.n;
   const Unknowns size = jx_rows(closure.carried, jacobians.jx, [&](int i) {
-    return std::pair(closure.chain[i].v, closure.chain[i].lever);
+    return std::tie(closure.chain[i].v, closure.chain[i].lever);
   });
   for (int i = 0; i < n; ++i) jacobians.jq[i] = closure.chain[i].jq;
   for (int i = 0; i < n; ++i) {

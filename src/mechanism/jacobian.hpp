@@ -22,7 +22,7 @@ inline Unknowns jx_rows(const Carried& carried, Square& rows, Rod&& rod) {
   Real velocity = 0, turn = 0;
   Unknowns size{};
   for (int i = 0; i < n; ++i) {
-    const auto [v, lever] = rod(i);
+    const auto& [v, lever] = rod(i);
     jx_row(carried, v, lever, rows[i].data());
     const Real v2 = v.squaredNorm();
     velocity += v2;

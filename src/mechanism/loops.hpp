@@ -1,6 +1,8 @@
 // Loop-closure residuals with the motors held, and their derivatives by the platform's motion.
 #pragma once
 
+#include <tuple>
+
 #include "mechanism/jacobian.hpp"
 
 namespace truepose {
@@ -29,7 +31,7 @@ struct Loops {
   }
   /// -∂f/∂x. @return the sizes of its columns
   Unknowns jx(Square& rows) const {
-    return jx_rows(carried, rows, [&](int i) { return std::pair(v[i], lever[i]); });
+    return jx_rows(carried, rows, [&](int i) { return std::tie(v[i], lever[i]); });
   }
 };
 }  // namespace truepose

@@ -61,13 +61,15 @@ void carry(const Robot& robot, const Pose& pose, Carried& carried) {
   carried.pose = pose;
   if (!is_rotational(robot.mobility)) return;
   std::array<Vec3, kMaxAxes> centre;
-  Vec3 p = Vec3::Zero();
-  Mat3 R = Mat3::Identity();
+  Vec3 p;
+  Mat3 R;
   for (int j = 0; j < n; ++j) {
-    const Vec3& d = robot.axis[j].direction;
-    centre[j] = p = p + R * robot.axis[j].origin;
-    carried.axis[j] = R * d;
-    R = R * turn_about(d, std::cos(pose.D[j]), std::sin(pose.D[j]));
+    const PassiveAxis& axis = robot.axis[j];
+    const Mat3 turn = turn_about(axis.direction, std::cos(pose.D[j]), std::sin(pose.D[j]));
+    const bool first = j == 0;  // R is the identity
+    centre[j] = p = first ? axis.origin : p + R * axis.origin;
+    carried.axis[j] = first ? axis.direction : R * axis.direction;
+    R = first ? turn : R * turn;
   }
   carried.pose.D = p;
   carried.pose.R = R;
