@@ -196,12 +196,16 @@ class ControlCycle {
       DynamicModel model;
       const auto& J = reference_.jacobians.J;
       const bool full = settings_.feed_forward == FeedForward::full;
+      const Coordinates still{}, &rate = full ? setpoint_.rate : still,
+                                 &acceleration = full ? setpoint_.acceleration : still;
       const Outcome outcome =
-          dynamic_model(robot_, reference_.closure, full ? setpoint_.rate : Coordinates{}, model);
+          dynamic_model(robot_, reference_.closure, rate, model, shaped ? nullptr : &acceleration);
       if (!outcome) return outcome;
-      if (settings_.feed_forward == FeedForward::none) model.bias.fill(0);
-      torque = inverse_dynamics(model, J, full ? setpoint_.acceleration : Coordinates{});
-      if (shaped) {
+      if (!shaped) {
+        torque = motor_torques(n, J, model.bias, model.slope);
+      } else {
+        if (settings_.feed_forward == FeedForward::none) model.bias.fill(0);
+        torque = inverse_dynamics(model, J, acceleration);
         model.bias.fill(0);
         pd = inverse_dynamics(model, J, pose_rate(reference_.jacobians, pd));
         steps = inverse_dynamics(model, J, pose_rate(reference_.jacobians, steps));

@@ -20,7 +20,7 @@ Coordinates carried(const Robot& robot, const Closure& closure, const Coordinate
 Closure closed(const Robot& robot, const MomentumObserver& state) {
   Closure closure;
   closure.pose = state.before;
-  closure.carried = carried_frames(robot, state.before);
+  carry(robot, state.before, closure.carried);
   std::copy_n(state.chain.begin(), dof(robot.mobility), closure.chain.begin());
   return closure;
 }

@@ -8,20 +8,15 @@ void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, E
     for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;
   for (int s = 0; s < robot.r; ++s) {
     const Real weight = robot.sensor[s].weight;
-    Coordinates g{}, gain{};
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j) g[j] += jr[s][i] * jacobians.J[i][j];
-    Real gCg = 0;
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) gain[i] += M_plus[i][j] * g[j];
-      gCg += g[i] * gain[i];
-      M[n + s][i] = g[i];
-    }
+    Coordinates g, gain;
+    for (int j = 0; j < n; ++j)
+      M[n + s][j] = g[j] = sum_of(n, [&](int i) { return jr[s][i] * jacobians.J[i][j]; });
+    for (int i = 0; i < n; ++i) gain[i] = sum_of(n, [&](int j) { return M_plus[i][j] * g[j]; });
+    const Real gCg = sum_of(n, [&](int i) { return g[i] * gain[i]; });
     const Real scale = weight / (1 + weight * gCg);
     for (int i = 0; i < n; ++i) gain[i] *= scale;
     for (int c = 0; c < n + s; ++c) {
-      Real seen = 0;  // g M⁺, entry c
-      for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
+      const Real seen = sum_of(n, [&](int i) { return g[i] * M_plus[i][c]; });  // g M⁺, entry c
       for (int i = 0; i < n; ++i) M_plus[i][c] -= gain[i] * seen;
     }
     for (int i = 0; i < n; ++i) M_plus[i][n + s] = gain[i];

@@ -18,7 +18,9 @@ inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::arra
     b = {{{a[1][1], -a[0][1]}, {-a[1][0], a[0][0]}}};
     return a[0][0] * a[1][1] - a[0][1] * a[1][0];
   } else if constexpr (N == 3) {
+#pragma GCC unroll 3
     for (int i = 0; i < 3; ++i)
+#pragma GCC unroll 3
       for (int j = 0; j < 3; ++j) {
         const auto &u = a[(j + 1) % 3], &v = a[(j + 2) % 3];
         b[i][j] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];

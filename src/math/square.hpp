@@ -62,25 +62,6 @@ struct Inverted {
   explicit operator bool() const { return regular; }
 };
 
-namespace square_detail {
-template <int N>
-inline Inverted by_adjugate(const Square& a, const Unknowns& size, Square& inverse) {
-  std::array<std::array<Real, N>, N> rows, b;
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) rows[i][j] = a[i][j];
-  const Real determinant = adjugate<N>(rows, b), per_determinant = 1 / determinant;
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) inverse[i][j] = per_determinant * b[i][j];
-  Real unit = kSingular;
-  for (int j = 0; j < N; ++j) unit *= size[j];
-  // false for a NaN
-  return {determinant * determinant > unit, (determinant > 0) - (determinant < 0)};
-}
-
-/// Gauss-Jordan elimination, columns scaled to unit size, pivots by rows.
-Inverted by_elimination(int n, const Square& a, const Unknowns& size, Square& inverse);
-}  // namespace square_detail
-
 /// A⁻¹ by rows: by the adjugate up to 4×4, else by elimination.
 ///
 /// size[j] is what |column j|² would be without cancellation: the unit that makes the test of
@@ -89,5 +70,5 @@ Inverted by_elimination(int n, const Square& a, const Unknowns& size, Square& in
 Inverted invert(int n, const Square& a, const Unknowns& size, Real damping, Square& inverse);
 
 /// Sign of the determinant, -1, 0 or 1, by elimination with pivoting.
-int determinant_sign(int n, Square m);
+int determinant_sign(int n, const Square& a);
 }  // namespace truepose

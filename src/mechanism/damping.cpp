@@ -1,6 +1,55 @@
 #include "mechanism/damping.hpp"
 
 namespace truepose {
+namespace {
+constexpr Unknowns ones() {
+  Unknowns result{};
+  result.fill(1);
+  return result;
+}
+}  // namespace
+
+Conditioning::Conditioning(const Closure& closure) : n_(closure.carried.n) {
+  unit_ = jx_rows(closure.carried, lines_, [&](int i) {
+    const ChainState& chain = closure.chain[i];
+    length_[i] = chain.v.norm();
+    // A telescopic leg always drives along itself.
+    const Real dB = chain.dB.norm();
+    speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
+    serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
+    return std::pair((1 / length_[i]) * chain.v, chain.lever);
+  });
+  for (int j = 0; j < n_; ++j) {
+    unit_[j] = std::sqrt(unit_[j]);
+    for (int i = 0; i < n_; ++i) {
+      lines_[i][j] *= 1 / unit_[j];
+      square_ += lines_[i][j] * lines_[i][j];
+    }
+  }
+  Square rows;
+  inverse_ = invert(n_, lines_, ones(), 0, rows);
+  Real inverse2 = 0;
+  for (int i = 0; i < n_; ++i)
+    for (int j = 0; j < n_; ++j) inverse2 += rows[i][j] * rows[i][j];
+  parallel_ = inverse_ ? n_ / std::sqrt(square_ * inverse2) : 0;
+}
+
+Outcome Conditioning::outcome() const {
+  for (int i = 0; i < n_; ++i)
+    if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
+  return {inverse_ ? Status::ok : Status::singular, -1};
+}
+
+bool Conditioning::damped(const Closure& closure, Real band, Square& J) const {
+  const Real part = damping(parallel_, band) * square_ / (n_ * n_);
+  const NormalEquations equations(n_, lines_, ones(), part);
+  for (int j = 0; j < n_; ++j) {
+    const Unknowns column = equations.column(j, closure.chain[j].jq / length_[j]);
+    for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
+  }
+  return equations.regular();
+}
+
 Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians) {
   const Outcome exact = jacobian(closure, jacobians);
   if (!(band > 0)) return exact;
@@ -8,10 +57,6 @@ Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians) {
   const bool dependent = conditioning.parallel() < band;
   Outcome outcome{Status::ok, -1};
   if (dependent || !exact) {
-    for (int i = 0; i < jacobians.n; ++i) {
-      jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, jacobians.jx[i].data());
-      jacobians.jq[i] = closure.chain[i].jq;
-    }
     if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular, -1};
     outcome.status = Status::near_singular;
   }

@@ -15,38 +15,11 @@ inline Real damping(Real c, Real band) { return c < band ? 0.25 * (band * band -
 /// Distance from singularities of a closed mechanism, independent of its size and units.
 class Conditioning {
  public:
-  explicit Conditioning(const Closure& closure) : n_(closure.carried.n) {
-    std::array<Vec3, kMaxChains> lever;
-    Joint ones;
-    ones.fill(1);
-    for (int i = 0; i < n_; ++i) {
-      const ChainState& chain = closure.chain[i];
-      lever[i] = chain.lever;
-      length_[i] = chain.v.norm();
-      jx_row(closure.carried, (1 / length_[i]) * chain.v, chain.lever, lines_[i].data());
-      // A telescopic leg always drives along itself.
-      const Real dB = chain.dB.norm();
-      speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
-      serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
-    }
-    unit_ = column_sizes(closure.carried, ones, lever);
-    for (int j = 0; j < n_; ++j) {
-      unit_[j] = std::sqrt(unit_[j]);
-      for (int i = 0; i < n_; ++i) {
-        lines_[i][j] *= 1 / unit_[j];
-        square_ += lines_[i][j] * lines_[i][j];
-      }
-    }
-    Square rows;
-    inverse_ = invert(n_, lines_, ones_(), 0, rows);
-    Real inverse2 = 0;
-    for (int i = 0; i < n_; ++i)
-      for (int j = 0; j < n_; ++j) inverse2 += rows[i][j] * rows[i][j];
-    parallel_ = inverse_ ? n_ / std::sqrt(square_ * inverse2) : 0;
-  }
+  explicit Conditioning(const Closure& closure);
 
   /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms; 1: isotropic, 0: the motors
-  /// do not hold the platform. A: the rods' unit lines, columns in units of column_sizes.
+  /// do not hold the platform. A: the rods' unit lines, columns in units of their sizes in
+  /// jx_rows().
   Real parallel() const { return parallel_; }
   /// Type 1: share of the motion of B_i along rod i, in [0, 1]. 0: arm and rod in one line.
   Real serial(int i) const { return serial_[i]; }
@@ -55,24 +28,12 @@ class Conditioning {
     return std::min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + n_));
   }
   /// The status that jacobian() would return.
-  Outcome outcome() const {
-    for (int i = 0; i < n_; ++i)
-      if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
-    return {inverse_ ? Status::ok : Status::singular, -1};
-  }
+  Outcome outcome() const;
   /// The sign of det J_x.
   int sign() const { return inverse_.sign; }
 
   /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, rescaled to SI units.
-  bool damped(const Closure& closure, Real band, Square& J) const {
-    const Real part = damping(parallel_, band) * square_ / (n_ * n_);
-    const NormalEquations equations(n_, lines_, ones_(), part);
-    for (int j = 0; j < n_; ++j) {
-      const Unknowns column = equations.column(j, closure.chain[j].jq / length_[j]);
-      for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
-    }
-    return equations.regular();
-  }
+  bool damped(const Closure& closure, Real band, Square& J) const;
 
   /// Divisor of J⁻¹ in place of the entry s of J_q: s + λ²/s, so that 1/s becomes s/(s² + λ²).
   Real divisor(int i, Real jq, Real band) const {
@@ -81,12 +42,6 @@ class Conditioning {
   }
 
  private:
-  static Unknowns ones_() {
-    Unknowns ones;
-    ones.fill(1);
-    return ones;
-  }
-
   int n_;
   Square lines_;  ///< A
   Unknowns unit_;

@@ -24,68 +24,7 @@ struct [[nodiscard]] FkmResult : Outcome {
 };
 
 /// Searches once, by Newton's method. @param pose  in: the guess; out: the pose or last iterate
-inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
-  const int n = dof(robot.mobility);
-  FkmResult result;
-  std::array<Driven, kMaxChains> driven;
-  Real scale = 0;  // the longest rod
-  for (int i = 0; i < n; ++i) {
-    driven[i] = driven_point(robot.chain[i], q[i]);
-    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
-    if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
-    scale = std::max(scale, driven[i].rod);
-  }
-  Loops iterates[2], *current = &iterates[0], *trial = &iterates[1];
-  current->place(robot, driven, pose);
-  if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
-
-  struct Inverse : Inverted {
-    Square rows;
-    bool regular() const { return Inverted::regular; }
-  };
-  Square jx;
-  const NewtonEnd end = damped_newton(
-      current, trial, scale, most,
-      [&](const Loops& at, Real damping) {
-        Inverse inverse;
-        at.jx(jx);
-        static_cast<Inverted&>(inverse) = invert(n, jx, at.sizes(), damping, inverse.rows);
-        return inverse;
-      },
-      [&](const Loops& at, const Inverse& inverse, Loops& after) {
-        Coordinates motion{};
-        for (int j = 0; j < n; ++j)
-          motion[j] = sum_of(n, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
-        after.place(robot, driven, moved(robot.mobility, at.pose, motion));
-      });
-  result.iterations = end.iterations;
-
-  if (turns_about_z(robot.mobility)) {
-    Real& theta = current->pose.theta;
-    if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
-  }
-  result.residual = current->residual;
-  if (!(current->residual < kClosed * scale)) {
-    result.status = Status::not_converged;
-  } else if (!end.regular) {
-    result.status = Status::singular;
-  } else {
-    for (int i = 0; i < n; ++i) {
-      const Chain& chain = robot.chain[i];
-      if (chain.actuator != Actuator::telescopic &&
-          jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
-        result.status = Status::branch_lost;
-        result.chain = i;
-      }
-    }
-    current->jx(jx);
-    if (other_mode(robot.assembly_sign, determinant_sign(n, jx)))
-      result.status = Status::branch_lost;
-  }
-  pose = current->pose;
-  return result;
-}
+FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations);
 
 namespace fkm_detail {
 /// Residual, in units of the longest rod, below which a slowly converging search is near a double
@@ -121,18 +60,8 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
 /// @param cap   maximum steps of both searches, at least 1
 /// @return unreachable: certainly no pose closes the loops. not_converged: none was found.
 /// singular: closed, but the motors do not determine the pose. branch_lost: closed in another mode.
-inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
-  const Pose guess = pose;
-  const FkmResult first = search(robot, q, pose, std::min(kFkmIterations, cap));
-  if (first) return first;
-  return fkm_detail::search_from_home(robot, q, first, guess, pose, cap);
-}
+FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap);
 
 /// x = FKM(q). @param x  in: the guess; out: the pose. @param cap  maximum steps, at least 1
-inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
-  Pose pose = to_pose(robot.mobility, x);
-  const FkmResult result = fkm(robot, q, pose, cap);
-  x = to_coordinates(robot.mobility, pose);
-  return result;
-}
+FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap);
 }  // namespace truepose

@@ -25,7 +25,7 @@ struct Closure {
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool angle = true) {
   if (!robot.finished) return {Status::unfinished, -1};
   closure.pose = pose;
-  closure.carried = carried_frames(robot, pose);
+  carry(robot, pose, closure.carried);
   const Pose& at = closure.placed();
   Real sum = 0;  // not finite after a NaN or an overflow
   for (int i = 0; i < closure.carried.n; ++i) {

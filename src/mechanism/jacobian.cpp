@@ -1,38 +1,20 @@
 #include "mechanism/jacobian.hpp"
 
-namespace truepose {
-Unknowns column_sizes(const Carried& carried, const Joint& v2,
-                      const std::array<Vec3, kMaxChains>& lever) {
-  const int n = carried.n;
-  Unknowns sizes;
-  if (is_rotational(carried.mobility)) {
-    for (int j = 0; j < n; ++j)
-      sizes[j] =
-          sum_of(n, [&](int i) { return v2[i] * (lever[i] + carried.arm[j]).squaredNorm(); });
-  } else {
-    const Real velocity = sum_of(n, [&](int i) { return v2[i]; });
-    const Real turn = sum_of(n, [&](int i) { return v2[i] * lever[i].squaredNorm(); });
-    for (int j = 0; j < n; ++j) sizes[j] = free_columns(carried.mobility)[j] < 3 ? velocity : turn;
-  }
-  return sizes;
-}
+#include <tuple>
 
+namespace truepose {
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
-  const Carried& carried = closure.carried;
-  const int n = jacobians.n = carried.n;
-  std::array<Vec3, kMaxChains> lever;
-  Joint v2;
+  const int n = jacobians.n = closure.carried.n;
+  const Unknowns size = jx_rows(closure.carried, jacobians.jx, [&](int i) {
+    return std::tie(closure.chain[i].v, closure.chain[i].lever);
+  });
+  for (int i = 0; i < n; ++i) jacobians.jq[i] = closure.chain[i].jq;
   for (int i = 0; i < n; ++i) {
-    const ChainState& chain = closure.chain[i];
-    lever[i] = chain.lever;
-    v2[i] = chain.v.squaredNorm();
-    jacobians.jq[i] = chain.jq;
-    if (!(chain.jq * chain.jq > kSingular * v2[i] * chain.dB.squaredNorm()))
+    const ChainState& at = closure.chain[i];
+    if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
-    jx_row(carried, chain.v, chain.lever, jacobians.jx[i].data());
   }
-  const Inverted inverse =
-      invert(n, jacobians.jx, column_sizes(carried, v2, lever), 0, jacobians.J);
+  const Inverted inverse = invert(n, jacobians.jx, size, 0, jacobians.J);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
   jacobians.sign = inverse.sign;

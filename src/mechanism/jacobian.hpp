@@ -11,19 +11,37 @@ inline void jx_row(const Carried& carried, const Vec3& v, const Vec3& lever, Rea
   free_row(carried, v, lever.cross(v), row);
 }
 
-/// |column|² of J_x if nothing cancelled: Σ|v|² for columns of a velocity, Σ|R c|²|v|² for those of
-/// a turn, Σ|A - p_j|²|v|² for a passive axis. Where the rods meet in one point, the column of a
-/// turn vanishes relative to this size. @param v2  |v|² of every chain
-Unknowns column_sizes(const Carried& carried, const Joint& v2,
-                      const std::array<Vec3, kMaxChains>& lever);
+/// J_x, and |column|² of it if nothing cancelled: Σ|v|² for columns of a velocity, Σ|R c|²|v|² for
+/// those of a turn, Σ|A - p_j|²|v|² for a passive axis. Where the rods meet in one point, the
+/// column of a turn vanishes relative to this size.
+/// @param rod  rod(i): v and lever of chain i
+template <class Rod>
+inline Unknowns jx_rows(const Carried& carried, Square& rows, Rod&& rod) {
+  const int n = carried.n;
+  const bool rotational = is_rotational(carried.mobility);
+  Real velocity = 0, turn = 0;
+  Unknowns size{};
+  for (int i = 0; i < n; ++i) {
+    const auto& [v, lever] = rod(i);
+    jx_row(carried, v, lever, rows[i].data());
+    const Real v2 = v.squaredNorm();
+    velocity += v2;
+    turn += v2 * lever.squaredNorm();
+    for (int j = 0; j < n && rotational; ++j)
+      size[j] += v2 * (lever + carried.arm[j]).squaredNorm();
+  }
+  for (int j = 0; j < n && !rotational; ++j)
+    size[j] = free_columns(carried.mobility)[j] < 3 ? velocity : turn;
+  return size;
+}
 
 /// J_x, the diagonal of J_q, and J = J_x⁻¹ J_q at a closed pose.
 struct Jacobians {
   int n;
   Square jx, J;
   Joint jq;
-  int sign =
-      0;  ///< of det J_x: poses with equal q and different sign are in different assembly modes
+  /// Of det J_x: poses with equal q and different sign are in different assembly modes.
+  int sign = 0;
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without an inverse of J.
   Joint joint_rate(const Coordinates& rate) const {
@@ -36,7 +54,7 @@ struct Jacobians {
 
 /// Computes J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
 /// @return singular where J_x loses rank (type 2: the motors do not hold the platform) or an entry
-/// of J_q vanishes (type 1: the arm of `chain` is stretched or folded).
+/// of J_q vanishes (type 1: the arm of `chain` is stretched or folded), with J_x and J_q.
 Outcome jacobian(const Closure& closure, Jacobians& jacobians);
 
 /// Computes J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.

@@ -1,6 +1,8 @@
 // Loop-closure residuals with the motors held, and their derivatives by the platform's motion.
 #pragma once
 
+#include <tuple>
+
 #include "mechanism/jacobian.hpp"
 
 namespace truepose {
@@ -15,7 +17,7 @@ struct Loops {
   /// Places the platform and evaluates the loops. @param driven  the motors' points
   void place(const Robot& robot, const std::array<Driven, kMaxChains>& driven, const Pose& at) {
     pose = at;
-    carried = carried_frames(robot, at);
+    carry(robot, at, carried);
     cost = residual = 0;
     for (int i = 0; i < carried.n; ++i) {
       const Chain& chain = robot.chain[i];
@@ -27,13 +29,9 @@ struct Loops {
       residual = std::max(residual, std::fabs(f[i]) / rod);  // |v| - L = f / L to first order
     }
   }
-  void jx(Square& rows) const {
-    for (int i = 0; i < carried.n; ++i) jx_row(carried, v[i], lever[i], rows[i].data());
-  }
-  Unknowns sizes() const {
-    Joint v2;
-    for (int i = 0; i < carried.n; ++i) v2[i] = v[i].squaredNorm();
-    return column_sizes(carried, v2, lever);
+  /// -∂f/∂x. @return the sizes of its columns
+  Unknowns jx(Square& rows) const {
+    return jx_rows(carried, rows, [&](int i) { return std::tie(v[i], lever[i]); });
   }
 };
 }  // namespace truepose

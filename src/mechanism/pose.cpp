@@ -55,18 +55,21 @@ Coordinates difference(Mobility mobility, const Pose& to, const Pose& from) {
   return step;
 }
 
-Carried carried_frames(const Robot& robot, const Pose& pose) {
-  const int n = dof(robot.mobility);
-  Carried carried{robot.mobility, n, pose, {}, {}, {}};
-  if (!is_rotational(robot.mobility)) return carried;
+void carry(const Robot& robot, const Pose& pose, Carried& carried) {
+  const int n = carried.n = dof(robot.mobility);
+  carried.mobility = robot.mobility;
+  carried.pose = pose;
+  if (!is_rotational(robot.mobility)) return;
   std::array<Vec3, kMaxAxes> centre;
-  Vec3 p = Vec3::Zero();
-  Mat3 R = Mat3::Identity();
+  Vec3 p;
+  Mat3 R;
   for (int j = 0; j < n; ++j) {
-    const Vec3& d = robot.axis[j].direction;
-    centre[j] = p = p + R * robot.axis[j].origin;
-    carried.axis[j] = R * d;
-    R = R * turn_about(d, std::cos(pose.D[j]), std::sin(pose.D[j]));
+    const PassiveAxis& axis = robot.axis[j];
+    const Mat3 turn = turn_about(axis.direction, std::cos(pose.D[j]), std::sin(pose.D[j]));
+    const bool first = j == 0;  // R is the identity
+    centre[j] = p = first ? axis.origin : p + R * axis.origin;
+    carried.axis[j] = first ? axis.direction : R * axis.direction;
+    R = first ? turn : R * turn;
   }
   carried.pose.D = p;
   carried.pose.R = R;
@@ -74,7 +77,6 @@ Carried carried_frames(const Robot& robot, const Pose& pose) {
     carried.arm[j] = p - centre[j];
     carried.linear[j] = carried.axis[j].cross(carried.arm[j]);
   }
-  return carried;
 }
 
 Twist to_twist(const Carried& carried, const Coordinates& rate) {
@@ -90,16 +92,5 @@ Twist to_twist(const Carried& carried, const Coordinates& rate) {
     }
   }
   return twist;
-}
-
-void free_row(const Carried& carried, const Vec3& linear, const Vec3& angular, Real* row) {
-  for (int j = 0; j < carried.n; ++j) {
-    if (is_rotational(carried.mobility)) {
-      row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
-    } else {
-      const int column = free_columns(carried.mobility)[j];
-      row[j] = column < 3 ? linear[column] : angular[column - 3];
-    }
-  }
 }
 }  // namespace truepose

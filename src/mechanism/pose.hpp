@@ -57,7 +57,12 @@ struct Carried {
 
 /// Evaluates the chain of frames: p_j = p_{j-1} + R o_j, a_j = R d_j, R ← R exp(x_j d_j); the
 /// platform is on the last axis, D = p_n. Without passive axes the pose is the platform's.
-Carried carried_frames(const Robot& robot, const Pose& pose);
+void carry(const Robot& robot, const Pose& pose, Carried& carried);
+inline Carried carried_frames(const Robot& robot, const Pose& pose) {
+  Carried carried;
+  carry(robot, pose, carried);
+  return carried;
+}
 
 /// D and R of the platform.
 inline Pose placed(const Robot& robot, const Pose& pose) {
@@ -78,5 +83,15 @@ inline void twist_row(const Vec3& linear, const Vec3& angular, Real* row) {
 }
 
 /// The row [linear, angular] T along the platform's free twists.
-void free_row(const Carried& carried, const Vec3& linear, const Vec3& angular, Real* row);
+inline void free_row(const Carried& carried, const Vec3& linear, const Vec3& angular, Real* row) {
+  if (is_rotational(carried.mobility)) {
+    for (int j = 0; j < carried.n; ++j)
+      row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
+    return;
+  }
+  Real twist[6];
+  twist_row(linear, angular, twist);
+  const auto& column = free_columns(carried.mobility);
+  for (int j = 0; j < carried.n; ++j) row[j] = twist[column[j]];
+}
 }  // namespace truepose
