@@ -158,7 +158,7 @@ bench-peers: bench $(VENV)/installed
 	  packages/linuxcnc/tests/stub_hal.c -ldl -lm -o build/dev/forward && build/dev/forward 15; \
 	else echo "bench-peers: without genhexkins; first make -C packages/linuxcnc test"; fi
 
-# One question while one works: its C++ test, header-only at -O1, or the module so and one file of pytest.
+# One question while one works: its C++ test at -O1, or the module so and one file of pytest.
 dev: build/quick/build.ninja
 ifdef T
 	@tests=$$(ctest --preset quick -N -L '^$(T)$$' 2>/dev/null | sed -n 's/.*: \(test_[a-z_]*\)$$/\1/p'); \

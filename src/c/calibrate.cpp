@@ -42,8 +42,8 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   }
   CalibrationSettings settings;
   settings.loss = static_cast<Loss>(log.loss), settings.tuning = kTuning[log.loss];
-  const Kernels model = kernels(drawn.mobility, drawn.rod_by_rod());
-  const CalibrationResult fit = Calibrator(drawn, model, known, xi, readings, settings).run();
+  const CalibrationResult fit =
+      truepose::calibrate(level_of(drawn), drawn, known, xi, readings, settings);
   if (!fit.outcome) return fit.outcome;
   int redundancy = 0;
   double chi2 = 0;

@@ -1,37 +1,111 @@
 #include "calibration/bound.hpp"
 
 namespace truepose {
-Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& known, const Pose& pose,
+Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, int nuisances,
+                       const std::vector<Visit>& visits, const Links& links, VisitRows& all,
+                       const std::function<void()>& poll) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  const int n = dof(robot.mobility), p = prior.count;
+  Knowledge raw = prior;
+  raw.root = nullptr;
+  Knowledge axes = raw;
+  axes.count = nuisances;
+  axes.column += p - nuisances;
+  RowMatrix D;
+  std::vector<double> H_xi(2 * (n + robot.r) * parameter_count(robot));
+  int rows = static_cast<int>(links.link.size());
+  for (const Visit& visit : visits) rows += robot.r + (visit.outside.x ? n : 0);
+  all.B = RowMatrix(rows, p);
+  all.visit.clear();
+  std::vector<Pose> poses;
+  std::vector<Line> lines;  // only where there are links
+  Line line;
+  Parasitic rest;
+  int row = 0;
+  for (const Visit& visit : visits) {
+    Outcome outcome = acting(robot, axes, visit.pose, visit.influences, H_xi.data(), D);
+    if (outcome)
+      outcome = linearise_line(level, robot, raw, visit.pose, nullptr, visit.outside,
+                               D.cols() > 0 ? &D : nullptr, H_xi.data(), line, rest);
+    if (!outcome) return outcome;
+    std::copy(line.B[n], line.B[line.rows], all.B[row]);
+    row += line.redundancy();
+    all.visit.insert(all.visit.end(), line.redundancy(), static_cast<int>(&visit - visits.data()));
+    if (!links.link.empty()) {
+      poses.push_back(visit.pose);
+      lines.push_back(line);
+    }
+    poll();
+  }
+  if (!links.link.empty())
+    for (LinkBlock& block : linked(robot.mobility, links, links.mean.data(), raw, poses, lines)) {
+      solve_lower(block.C, block.B);
+      std::ranges::copy(block.B, all.B[row]);
+      all.visit.insert(all.visit.end(), block.size(), links.link[block.link[0]].line[0]);
+      row += block.size();
+    }
+  all.B.keep(row);
+  return {};
+}
+
+namespace {
+/// Rows and columns in the opposite order.
+RowMatrix reversed(RowMatrix A) {
+  std::ranges::reverse(A);
+  return A;
+}
+}  // namespace
+
+Outcome after_visiting(Level level, const Robot& robot, const Knowledge& prior, int nuisances,
+                       const std::vector<Visit>& visits, const Links& links, RowMatrix& root,
+                       const std::function<void()>& poll) {
+  VisitRows all;
+  const Outcome outcome = rows_of_visits(level, robot, prior, nuisances, visits, links, all, poll);
+  if (!outcome) return outcome;
+  const int p = prior.count;
+  // S is applied last, once: elimination acts on the rows, S on the columns.
+  const RowMatrix S(p, p, prior.root), N = plus_gram(RowMatrix(p, p), all.B);
+  // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
+  // that Σ_u = U⁻ᵀ U⁻¹, and the root is S U⁻ᵀ, lower times lower.
+  const RowMatrix information = sum(RowMatrix::identity(p), transposed(S) * (N * S));
+  const RowMatrix U = reversed(cholesky(reversed(information)));
+  RowMatrix inverse = RowMatrix::identity(p);
+  solve_lower(transposed(U), inverse);
+  root = S * inverse;
+  return {};
+}
+
+Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
               const Influences& acting, double* H_xi, double* B, Fused& fusion) {
   Extended q_e;
   PoseRows H_x;
   ReadingCovariance C;
   Parasitic rest;
-  Outcome outcome = model.linearise(robot, pose, q_e, H_x, H_xi, rest);
+  Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, rest);
   if (!outcome) return outcome;
-  const int rows = model.n + robot.r, m = acting.count, p = known.count;
+  const int rows = dof(robot.mobility) + robot.r, m = acting.count, p = known.count;
   gather(robot, known, H_xi, rows, B, m);
   for (int c = 0; c < rows; ++c)
     for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
   outcome = reading_covariance(robot, known, B, C);
-  if (outcome) outcome = model.fuse(robot, known, C, H_x, fusion);
+  if (outcome) outcome = fuse(robot, known, C, H_x, fusion);
+  if (outcome) weighted_tej(robot, H_x, fusion, fusion.tej);
   return outcome;
 }
 
-Outcome pose_error(const Robot& robot, const Kernels& model, const Knowledge& known,
-                   const Pose& pose, const Influences& acting, std::vector<double>& work,
-                   PoseError& error) {
-  const int n = model.n, rows = n + robot.r, p = known.count;
+Outcome pose_error(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
+                   const Influences& acting, std::vector<double>& work, PoseError& error) {
+  const int n = dof(robot.mobility), rows = n + robot.r, p = known.count;
   work.resize(estimate_work(robot, p));
   double *H_xi = work.data(), *B = H_xi + rows * parameter_count(robot);
   Fused fusion;
-  const Outcome outcome = fused(robot, model, known, pose, acting, H_xi, B, fusion);
+  const Outcome outcome = fused(level, robot, known, pose, acting, H_xi, B, fusion);
   if (!outcome) return outcome;
   RowMatrix gain(n, rows);  // of readings in units of their σ
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < rows; ++c) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
-  error.by_geometry.noalias() = gain * Eigen::Map<const RowMatrix>(B, rows, p);
-  error.by_noise.noalias() = gain * gain.transpose();
+  error.by_geometry = gain * RowMatrix(rows, p, B);
+  error.by_noise = gain * transposed(gain);
   return {};
 }
 }  // namespace truepose

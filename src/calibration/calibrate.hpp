@@ -6,348 +6,59 @@
 // between poses add rows (links.hpp).
 #pragma once
 
-#include <Eigen/Cholesky>
+#include <functional>
 #include <vector>
 
-#include "calibration/calibration.hpp"
-#include "mechanism/geometry.hpp"
+#include "calibration/links.hpp"
 
 namespace truepose {
+/// Settings of a batch calibration.
+struct CalibrationSettings {
+  int influences = 0;     ///< number of amounts of influences, unknowns before the nuisances
+  int nuisances = 0;      ///< number of the prior's last parameters, for left_out; independent
+  int registration = -1;  ///< first of the prior's kRegistration registration unknowns, or -1
+  Loss loss = Loss::squares;
+  double tuning = 0;
+  int iterations = 100;
+  std::function<void()> poll;  ///< called after every row, if set; may throw to abort
+};
+
+/// Readings at unknown poses, with any external measurements there. NaN: not read.
+struct ReadingLog {
+  int count = 0;
+  const double* q_e = nullptr;             ///< count × (n + r)
+  const double* influence = nullptr;       ///< count × (n + r) × influences: effect of one unit
+  const double* measured = nullptr;        ///< count × n coordinates, or nullptr
+  const double* measured_sigma = nullptr;  ///< σ of those, > 0
+  Registration registration{};             ///< of those; initial marker where it is unknown
+  Links links{};                           ///< measured differences between its poses
+  int referenced = 0;  ///< number of last rows, measured in the base frame; never outliers
+};
+
+/// Result of a batch calibration, by row of the log and overall.
+struct CalibrationResult {
+  Outcome outcome;
+  int iterations = 0;
+  std::vector<double> xi;  ///< parameter_count(drawn) values
+  std::vector<double> u;   ///< ξ̂ of the uncertain ones: μ + S u
+  RowMatrix covariance;    ///< of the uncertain parameters, nuisances left out
+  Registration start;      ///< registration at zero unknowns
+  Registration registration;
+  std::vector<Pose> pose;        ///< x̂ of every row of the log
+  std::vector<Status> status;    ///< of every row; one that is not ok was excluded
+  std::vector<double> chi2;      ///< d² of every row
+  std::vector<int> redundancy;   ///< equations of a row that remain for ξ
+  std::vector<double> weight;    ///< of every row: 1, or less for an outlier
+  std::vector<LinkResult> link;  ///< of every measured difference
+  std::vector<double> w;         ///< the unknowns of those
+  std::vector<double> amount;    ///< of every influence
+  double cost = 0;
+};
+
 /// Batch calibration by Levenberg-Marquardt; deterministic. A robust loss first scales residuals by
 /// their median: the initial error is then no outlier, and gross errors never enter as squares.
-class Calibrator {
- public:
-  Calibrator(const Robot& drawn, const Kernels& model, const Knowledge& prior,
-             const std::vector<double>& mean, const ReadingLog& log,
-             const CalibrationSettings& settings)
-      : drawn_(drawn),
-        model_(model),
-        prior_(prior),
-        mean_(mean),
-        log_(log),
-        settings_(settings),
-        robot_(drawn),
-        p_(prior.count),
-        n_(model.n),
-        readings_(model.n + drawn.r),
-        S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(drawn.finished ? 2 * readings_ * parameter_count(drawn) : 0),
-        rest_(log.count),
-        loss_(settings.loss, settings.tuning) {}
-
-  CalibrationResult run() {
-    result_.status.assign(log_.count, Status::unreachable);
-    result_.outcome = {drawn_.finished ? Status::unreachable : Status::unfinished, -1};
-    if (!drawn_.finished) return result_;
-    Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count), no_pull()};
-    believe(now.u);
-    reach(now);
-    result_.start = result_.registration = initial_registration(now);
-    include(now);
-    if (counted() == 0) return result_;
-    search(now);
-    for (int round = 0; round < kRounds && result_.outcome && more(now); ++round) search(now);
-    finish(now);
-    return result_;
-  }
-
- private:
-  using Iterate = CalibrationIterate;
-
-  /// Maximum number of retries of rows that the last geometry excluded.
-  static constexpr int kRounds = 10;
-
-  std::vector<Coordinates> no_pull() const { return std::vector<Coordinates>(log_.count); }
-
-  long counted() const {
-    return std::count(result_.status.begin(), result_.status.end(), Status::ok);
-  }
-
-  /// Descends from here, over the rows whose status is ok.
-  void search(Iterate& now) {
-    last_iteration_ = result_.iterations + settings_.iterations;
-    if (settings_.loss == Loss::squares) {
-      result_.outcome = descend(now);
-    } else {
-      loss_.unit = INFINITY;
-      do {  // graduated: from the median's scale down to the stated σ
-        loss_.unit = std::max(1.0, std::min(0.5 * loss_.unit, now.spread()));
-        result_.outcome = descend(now);
-      } while (loss_.unit > 1 && result_.outcome);
-    }
-    if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses
-      include(now);
-      result_.outcome = descend(now);
-    }
-  }
-
-  /// Adds excluded rows that have a pose at this geometry. @return whether there are any
-  bool more(Iterate& at) {
-    const long before = counted();
-    believe(at.u);
-    // A geometry far off may have home on the other side of a singular pose.
-    static_cast<void>(note_assembly(robot_));
-    if (!reach(at)) return false;
-    include(at);
-    return counted() > before;
-  }
-
-  /// Evaluates the rows with a pose; excludes those that cannot be evaluated.
-  void include(Iterate& at) {
-    freeze(at);
-    for (int bad; (bad = evaluate(at)) >= 0;) result_.status[bad] = Status::singular;
-  }
-
-  /// D of every row: of influences as given, of nuisances at the current pose. Fixed in the search:
-  /// its change with pose and ξ, times η, is of second order in the ideal level's model error.
-  void freeze(const Iterate& at) {
-    if (!acted()) return;
-    Knowledge axes = prior_;
-    axes.count = settings_.nuisances;
-    axes.column += p_ - axes.count;
-    believe(at.u);
-    D_.resize(log_.count);
-    for (int k = 0; k < log_.count; ++k)
-      if (result_.status[k] == Status::ok)
-        result_.status[k] =
-            acting(model_, robot_, axes, at.pose[k], influences_of(k), H_xi_.data(), D_[k]).status;
-  }
-
-  bool acted() const { return settings_.influences + settings_.nuisances > 0; }
-
-  Influences influences_of(int line) const {
-    const int given = settings_.influences;
-    return {given, log_.influence + line * readings_ * given};
-  }
-
-  /// Sets robot, registration, links' unknowns and influences' amounts to those of u.
-  void believe(const Eigen::VectorXd& u) {
-    const int parameters = p_ - settings_.nuisances, given = settings_.influences;
-    const Eigen::VectorXd change = S_.triangularView<Eigen::Lower>() * u;
-    result_.xi = mean_;
-    for (int k = 0; k < parameters; ++k)
-      if (prior_.column[k] >= 0) result_.xi[prior_.column[k]] += change[k];
-    static_cast<void>(set_parameters(drawn_, result_.xi.data(), robot_));  // `finished`: see run()
-    result_.w = log_.links.mean;
-    for (std::size_t k = 0; k < result_.w.size(); ++k) result_.w[k] += change[log_.links.first + k];
-    if (const int first = settings_.registration; first >= 0)
-      result_.registration = moved(result_.start, change.data() + first);
-    const auto amounts = change.begin() + parameters;  // less their prior means
-    result_.amount.assign(amounts - given, amounts);
-  }
-
-  /// Initial registration, by the first poses.
-  Registration initial_registration(const Iterate& at) const {
-    const int first = settings_.registration;
-    if (first < 0 || !log_.measured) return log_.registration;
-    // An unknown marker position includes x, an unknown turn the one about the platform's z.
-    const int place = first + 6, turn = first + kRegistration - 1;
-    return registered(model_.mobility, log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
-                      log_.count - log_.referenced, at.pose.data(), result_.status.data(),
-                      log_.measured);
-  }
-
-  /// Finds poses of rows without one, from the motors. @return whether there is a new one
-  bool reach(Iterate& at) {
-    const Pose home = to_pose(robot_.mobility, robot_.home);
-    Pose guess = home;
-    bool more = false;
-    for (int k = 0; k < log_.count; ++k) {
-      Status& status = result_.status[k];
-      if (status != Status::ok) {
-        Joint q{};
-        std::copy_n(log_.q_e + k * readings_, n_, q.begin());
-        for (const Pose& from : {home, guess}) {
-          at.pose[k] = from;
-          rest_[k] = {};
-          status = model_.fkm(robot_, q, at.pose[k], rest_[k]);
-          if (status == Status::ok) break;
-        }
-        more = more || status == Status::ok;
-        if (settings_.poll) settings_.poll();
-      }
-      guess = status == Status::ok ? at.pose[k] : home;
-    }
-    return more;
-  }
-
-  /// Evaluates every good row at this geometry and these poses.
-  /// @param last  the iterate that this one was reached from, if any
-  /// @return the first row that cannot be evaluated, or -1
-  int evaluate(Iterate& at, const Iterate* last = nullptr) {
-    believe(at.u);
-    at.line.resize(log_.count);
-    for (int k = 0; k < log_.count; ++k) {
-      at.line[k].rows = 0;
-      if (result_.status[k] == Status::ok && !settle(at, k, last)) return k;
-      if (settings_.poll) settings_.poll();
-    }
-    at.block = linked(model_.mobility, log_.links, result_.w.data(), prior_, at.pose, at.line);
-    at.weigh(loss_);
-    return -1;
-  }
-
-  bool linearise_row(Iterate& at, int k) {
-    const bool referenced = k >= log_.count - log_.referenced;
-    Outside outside;
-    if (log_.measured)
-      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_,
-                 referenced ? &kAligned : &result_.registration,
-                 referenced ? -1 : settings_.registration};
-    Line& line = at.line[k];
-    line.certain = referenced;
-    const int m = settings_.nuisances;
-    const Influences given = influences_of(k);
-    Extended q_e{};
-    std::copy_n(log_.q_e + k * readings_, readings_, q_e.begin());
-    for (int c = 0; c < readings_; ++c)
-      for (int j = 0; j < given.count; ++j)
-        q_e[c] -= given.pattern[c * given.count + j] * result_.amount[j];
-    if (!linearise_line(model_, robot_, prior_, at.pose[k], q_e.data(), outside,
-                        acted() ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
-      return false;
-    for (int i = 0; i < line.rows && m > 0; ++i)
-      line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
-    line.pull = at.pull[k];
-    return true;
-  }
-
-  /// Moves row k to a pose of lower misfit, or to any if it has `none`. @return whether it moved
-  bool lower(Iterate& at, int k, const Pose& to, bool none = false) {
-    const Pose pose = at.pose[k];
-    const Line line = at.line[k];
-    at.pose[k] = to;
-    if (linearise_row(at, k) && (none || at.line[k].misfit() < line.misfit())) return true;
-    at.pose[k] = pose;
-    at.line[k] = line;
-    return false;
-  }
-
-  /// Evaluates row k. A pose more than σ from its row's best (readings grossly wrong, one step
-  /// overshoots) takes own steps that never worsen the row; else no damping of ξ lowers the cost.
-  bool settle(Iterate& at, int k, const Iterate* last) {
-    bool good = linearise_row(at, k);
-    const Line& line = at.line[k];
-    if (good && line.away() < 1) return true;
-    if (last) good = lower(at, k, last->pose[k], !good) || good;
-    for (int step = 0; good && step < 5 && line.away() > 1; ++step) {
-      const Pose pose = at.pose[k];
-      Coordinates change{};
-      for (int i = 0; i < n_; ++i) change[i] = line.e[i] + line.pull[i];
-      back_substitute(n_, line.R, change);
-      bool moves = false;
-      for (double length = 1; !moves && length > 0.01; length *= 0.25) {
-        moves = lower(at, k, moved(model_.mobility, pose, change));
-        for (double& part : change) part *= 0.25;
-      }
-      if (!moves) break;
-    }
-    return good;
-  }
-
-  Outcome descend(Iterate& now) {
-    now.weigh(loss_);
-    double damping = 0, current = now.cost(loss_);
-    double promised = INFINITY;  // gain of the last undamped step
-    int last = 0;
-    const int freedoms = 1 + now.equations();
-    while (result_.iterations < last_iteration_) {
-      ++result_.iterations;
-      auto [information, right] =
-          now.equations_of_step(p_, [&](const Line& line) { return line.weight(loss_); });
-      const double scatter = std::max(1.0, current / freedoms);  // 1 for a correct model
-      information.diagonal() *= 1 + damping;
-      const Eigen::VectorXd step = information.selfadjointView<Eigen::Lower>().llt().solve(right);
-      if (!step.allFinite()) return {Status::not_finite, -1};
-      Iterate trial{now.u + step, now.pose, no_pull()};
-      for (const LinkBlock& block : now.block) pull(block, step, trial.pull);
-      double moved_by = 0;
-      for (int k = 0; k < log_.count; ++k)
-        moved_by =
-            std::max(moved_by, std::sqrt(now.line[k].weight(loss_)) * follow(now, k, step, trial));
-      const double gain = step.dot(right);  // predicted decrease of the cost, at least
-      if (damping == 0) promised = gain;
-      const bool valid = evaluate(trial, &now) < 0;
-      const double next = valid ? trial.cost(loss_) : INFINITY;
-      // Steps below 0.01 σ no longer show in the cost, which has rounding errors and poses that lag
-      // by one step. Each is at most a hundredth of the previous one: a few of them end the search.
-      const bool small = valid && damping < 1 && gain < 1e-4 * scatter && moved_by < 0.1 * scatter;
-      if (next < current || small) {
-        now = std::move(trial);
-        current = next;
-        damping = damping > 1e-4 ? 0.1 * damping : 0;
-        last += small;
-        if (gain < 1e-14 || last == 3) return {};
-      } else if (damping > 1e10) {  // no step lowers the cost: at rounding, or singular
-        return {promised < 1e-2 * scatter ? Status::ok : Status::singular, -1};
-      } else {
-        damping = std::max(10 * damping, 1e-4);
-      }
-    }
-    return {Status::not_converged, -1};
-  }
-
-  /// Moves pose k with the step of ξ: R δx = e - B δu + ν̂. @return largest move in units of its σ
-  double follow(const Iterate& now, int k, const Eigen::VectorXd& step, Iterate& trial) const {
-    const Line& line = now.line[k];
-    if (line.rows < n_) return 0;
-    Coordinates change{};
-    double size = 0;
-    for (int i = 0; i < n_; ++i) {
-      change[i] = line.e[i] - line.B.row(i).dot(step) + trial.pull[k][i];
-      size = std::max(size, std::fabs(change[i]));
-    }
-    back_substitute(n_, line.R, change);
-    trial.pose[k] = moved(model_.mobility, now.pose[k], change);
-    return size;
-  }
-
-  void finish(Iterate& at) {
-    believe(at.u);
-    result_.cost = at.cost(loss_);
-    result_.u = at.u;
-    result_.pose = at.pose;
-    result_.link.resize(log_.links.link.size());
-    for (LinkBlock& block : at.block) {
-      Eigen::VectorXd counts(block.size());
-      for (int k = 0; k < block.size(); ++k) {
-        result_.link[block.link[k]].weight = block.weight[k];
-        counts[k] = block.weight[k] < kOutlier ? kNothing : loss_.information(1);
-      }
-      block.weigh(counts);
-    }
-    const StepEquations normal = at.equations_of_step(p_, [&](const Line& line) {
-      if (line.certain) return 1.0;
-      return line.weight(loss_) < kOutlier ? 0 : loss_.information(line.redundancy());
-    });
-    const Eigen::MatrixXd root = normal.information.selfadjointView<Eigen::Lower>().llt().matrixL();
-    const Eigen::MatrixXd half =
-        root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(S_.transpose()));
-    const auto own = half.leftCols(p_ - settings_.nuisances);
-    result_.covariance = own.transpose() * own;
-    for (const LinkBlock& block : at.block) cross_validate(log_.links, block, root, result_.link);
-    for (const Line& line : at.line) {
-      const bool good = line.rows >= n_;
-      result_.redundancy.push_back(line.redundancy());
-      result_.chi2.push_back(good ? line.chi2() : NAN);
-      result_.weight.push_back(line.redundancy() > 0 ? line.weight(loss_) : good);
-    }
-  }
-
-  const Robot& drawn_;
-  const Kernels& model_;
-  const Knowledge& prior_;
-  const std::vector<double>& mean_;
-  const ReadingLog& log_;
-  const CalibrationSettings& settings_;
-  Robot robot_;
-  const int p_, n_, readings_;
-  const RowMatrix S_;
-  std::vector<double> H_xi_;
-  std::vector<Parasitic> rest_;  ///< start of each row's solution (full level)
-  std::vector<RowMatrix> D_;     ///< of each row's influences and nuisances
-  LineLoss loss_;
-  int last_iteration_ = 0;
-  CalibrationResult result_;
-};
+/// @param mean  of ξ, parameter_count(drawn) values
+CalibrationResult calibrate(Level level, const Robot& drawn, const Knowledge& prior,
+                            const std::vector<double>& mean, const ReadingLog& log,
+                            const CalibrationSettings& settings);
 }  // namespace truepose

@@ -1,15 +1,70 @@
-// Matrices whose size is known at run time only, for offline code: Eigen's.
+// Matrices whose size is known at run time only, for offline code, and the algebra that it needs.
 #pragma once
 
-#include <Eigen/Core>
+#include <vector>
 
-#include "math/vec3.hpp"
+#include "math/real.hpp"
 
 namespace truepose {
-using RowMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-using Dense3 = Eigen::Matrix<Real, 3, 3>;
+/// A matrix of doubles, by rows.
+class RowMatrix {
+ public:
+  RowMatrix() = default;
+  /// Zeros, or a copy of rows × columns numbers.
+  RowMatrix(int rows, int columns, const double* from = nullptr);
+  static RowMatrix identity(int size);
 
-/// A matrix of space as one of Eigen's, and back.
-inline Dense3 dense(const Mat3& A) { return Eigen::Map<const Dense3>(A.data()); }
-Mat3 plain(const Dense3& A);
+  int rows() const { return rows_; }
+  int cols() const { return columns_; }
+  double operator()(int i, int j) const { return (*this)[i][j]; }
+  double& operator()(int i, int j) { return (*this)[i][j]; }
+  /// Row i.
+  const double* operator[](int i) const { return data() + static_cast<long>(i) * columns_; }
+  double* operator[](int i) { return data() + static_cast<long>(i) * columns_; }
+  const double* data() const { return number_.data(); }
+  double* data() { return number_.data(); }
+  const double* begin() const { return data(); }
+  const double* end() const { return data() + number_.size(); }
+  double* begin() { return data(); }
+  double* end() { return data() + number_.size(); }
+
+  /// Leaves the first rows, or adds rows of zeros.
+  void keep(int rows);
+
+ private:
+  int rows_ = 0, columns_ = 0;
+  std::vector<double> number_;
+};
+
+RowMatrix transposed(const RowMatrix& A);
+RowMatrix operator*(const RowMatrix& A, const RowMatrix& B);
+std::vector<double> operator*(const RowMatrix& A, const std::vector<double>& b);
+/// A ± B.
+RowMatrix sum(RowMatrix A, const RowMatrix& B, double sign = 1);
+
+/// to += factor · row, both of `count` numbers.
+void add_scaled(int count, double factor, const double* row, double* to);
+
+/// N + BᵀB, of a symmetric N.
+RowMatrix plus_gram(RowMatrix N, const RowMatrix& B);
+
+/// Lower triangular L with L Lᵀ = A, symmetric and positive definite; otherwise NaNs follow.
+RowMatrix cholesky(const RowMatrix& A);
+/// L⁻¹ B and L⁻ᵀ B of a lower triangular L, in place.
+void solve_lower(const RowMatrix& L, RowMatrix& B);
+void solve_lower_transposed(const RowMatrix& L, RowMatrix& B);
+/// (L Lᵀ)⁻¹ b.
+std::vector<double> solve_cholesky(const RowMatrix& L, const std::vector<double>& b);
+
+/// Singular values of A: A V has orthogonal columns of these lengths, the longest first; V Vᵀ = I.
+struct SingularValues {
+  RowMatrix AV, V;
+  std::vector<double> length;
+  /// Number of lengths above rounding.
+  int rank() const;
+  /// A⁺: of least squares, or of the smallest solution. Only for A of full rank.
+  RowMatrix inverse() const;
+};
+/// @param A  at least as many rows as columns
+SingularValues singular_values(const RowMatrix& A);
 }  // namespace truepose

@@ -1,28 +1,55 @@
 #include "calibration/line.hpp"
 
+#include "calibration/model_error.hpp"
+
 namespace truepose {
-Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledge& axes, const Pose& pose,
-               const Influences& given, double* H_xi, RowMatrix& D) {
-  const int readings = kernels.n + robot.r;
-  RowMatrix left(readings, 0);
+double Line::chi2() const {
+  return sum_of(redundancy(), [&](int i) { return e[n + i] * e[n + i]; });
+}
+
+double Line::misfit() const {
+  return sum_of(rows, [&](int i) {
+    const double off = i < n ? e[i] + pull[i] : e[i];
+    return off * off;
+  });
+}
+
+double Line::away() const {
+  double size = 0;
+  for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i] + pull[i]));
+  return size;
+}
+
+double Line::cost(const LineLoss& loss) const {
+  return certain ? d2() : loss.cost(d2(), redundancy());
+}
+
+double Line::weight(const LineLoss& loss) const {
+  return certain ? 1 : loss.factor(d2(), redundancy());
+}
+
+Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,
+               double* H_xi, RowMatrix& D) {
+  const int readings = dof(robot.mobility) + robot.r, count = given.count + axes.count;
+  RowMatrix left;
   Outcome outcome;
   if (axes.count > 0) outcome = left_out(robot, axes, pose, H_xi, left);
-  D.resize(readings, given.count + left.cols());
+  D = RowMatrix(readings, count);
   for (int c = 0; c < readings && outcome; ++c) {
     for (int j = 0; j < given.count; ++j)
       D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
-    D.row(c).tail(left.cols()) = left.row(c);
+    std::copy_n(left[c], axes.count, D[c] + given.count);
   }
   return outcome;
 }
 
-Outcome linearise_line(const Kernels& kernels, const Robot& robot, const Knowledge& known,
-                       const Pose& pose, const double* q_e, Outside outside, const RowMatrix* D,
-                       double* H_xi, Line& line, Parasitic& rest) {
-  const int n = kernels.n, readings = n + robot.r;
+Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
+                       const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
+                       Line& line, Parasitic& rest) {
+  const int n = dof(robot.mobility), readings = n + robot.r, p = known.count;
   Extended expected, residual{}, values{};
   PoseRows H_x;
-  const Outcome outcome = kernels.linearise(robot, pose, expected, H_x, H_xi, rest);
+  const Outcome outcome = linearise(level, robot, pose, expected, H_x, H_xi, rest);
   if (!outcome) return outcome;
   if (q_e) {
     std::copy_n(q_e, readings, values.begin());
@@ -31,13 +58,11 @@ Outcome linearise_line(const Kernels& kernels, const Robot& robot, const Knowled
   line.n = n;
   line.rows = 0;
   // After ξ: auxiliary unknowns, on which these readings do not depend, and nuisances.
-  const long last = D ? D->cols() : 0;
-  const int others =
-      static_cast<int>(std::count(known.column, known.column + known.count - last, -1) + last);
-  line.B.resize(readings + (outside.x ? n : 0), known.count);
+  const int last = D ? D->cols() : 0;
+  const int others = static_cast<int>(std::count(known.column, known.column + p - last, -1)) + last;
+  line.B = RowMatrix(readings + (outside.x ? n : 0), p);
   gather(robot, known, H_xi, readings, line.B.data(), others);
-  line.B.topRightCorner(readings, others).setZero();
-  if (D) line.B.topRightCorner(readings, D->cols()) = *D;
+  for (int c = 0; c < readings && D; ++c) std::copy_n((*D)[c], last, line.B[c] + p - last);
   times_root(known, readings, line.B.data());
   const auto enter = [&](double e, double sigma, auto&& H) {
     for (int j = 0; j < n; ++j) line.R[line.rows][j] = H(j) / sigma;
@@ -45,27 +70,27 @@ Outcome linearise_line(const Kernels& kernels, const Robot& robot, const Knowled
   };
   for (int c = 0; c < readings; ++c) {
     if (!std::isfinite(residual[c])) continue;
-    if (line.rows < c) line.B.row(line.rows) = line.B.row(c);
+    if (line.rows < c) std::copy_n(line.B[c], p, line.B[line.rows]);
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
   if (outside.x) {  // depends on the pose only
-    Seen by = seen(kernels.mobility, *outside.registration, pose);
-    Coordinates apart = innovation(kernels.mobility, by, outside.x);
-    in_turns(kernels.mobility, *outside.registration, pose, by, apart);
+    Seen by = seen(robot.mobility, *outside.registration, pose);
+    Coordinates apart = innovation(robot.mobility, by, outside.x);
+    in_turns(robot.mobility, *outside.registration, pose, by, apart);
     for (int i = 0; i < n; ++i) {
       if (!std::isfinite(apart[i])) continue;
-      auto row = line.B.row(line.rows);
-      row.setZero();
+      double* row = line.B[line.rows];
+      std::fill_n(row, p, 0.0);
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
         const int at = outside.first + j;
-        const double unit = known.root ? known.root[at * (known.count + 1)] : 1;
+        const double unit = known.root ? known.root[at * (p + 1)] : 1;
         row[at] = by.H[i][j] * unit / outside.sigma[i];
       }
       enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
     }
   }
   const bool determined =
-      line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), known.count, line.e);
+      line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), p, line.e);
   return {determined ? Status::ok : Status::singular, -1};
 }
 }  // namespace truepose

@@ -1,9 +1,10 @@
 // One row of readings as linear equations in ξ, with its pose eliminated.
 #pragma once
 
-#include "calibration/kernel_table.hpp"
+#include "calibration/dense.hpp"
 #include "calibration/loss.hpp"
 #include "calibration/registration.hpp"
+#include "estimation/estimate.hpp"
 #include "math/eliminate.hpp"
 
 namespace truepose {
@@ -19,29 +20,16 @@ struct Line {
   bool certain = false;  ///< never an outlier: its pose is known
 
   int redundancy() const { return std::max(rows - n, 0); }
-  double chi2() const {
-    return sum_of(redundancy(), [&](int i) { return e[n + i] * e[n + i]; });
-  }
+  double chi2() const;
   /// Squared residual at its pose; chi2() is that of the best pose, to first order.
-  double misfit() const {
-    return sum_of(rows, [&](int i) {
-      const double off = i < n ? e[i] + pull[i] : e[i];
-      return off * off;
-    });
-  }
+  double misfit() const;
   /// Distance of its pose from the best pose, in units of its σ.
-  double away() const {
-    double size = 0;
-    for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i] + pull[i]));
-    return size;
-  }
+  double away() const;
   /// Within σ of the best pose chi2() is exact enough; misfit() would add the pose's lag behind ξ,
   /// which hides the gain of a step where σ is small and steps are not.
   double d2() const { return away() < 1 ? chi2() : misfit(); }
-  double cost(const LineLoss& loss) const { return certain ? d2() : loss.cost(d2(), redundancy()); }
-  double weight(const LineLoss& loss) const {
-    return certain ? 1 : loss.factor(d2(), redundancy());
-  }
+  double cost(const LineLoss& loss) const;
+  double weight(const LineLoss& loss) const;
 };
 
 /// Registration of a tracker that measures x in the base frame.
@@ -61,16 +49,16 @@ struct Influences {
   const double* pattern = nullptr;  ///< (n + r) × count: effect of one unit of each
 };
 
-/// Computes D of a row, in σ of the readings: of influences, then of nuisances (as left_out).
-Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledge& axes, const Pose& pose,
-               const Influences& given, double* H_xi, RowMatrix& D);
+/// Computes D of a row, in σ of the readings: of influences, then of nuisances (model_error.hpp).
+Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,
+               double* H_xi, RowMatrix& D);
 
 /// Linearises readings and external measurement at a pose, and eliminates the pose.
 /// @param q_e    n + r readings, NaN where missing; nullptr: as expected
 /// @param known  ξ, then unknowns that no reading depends on, column -1, then η if D is given
 /// @param D      ∂q_e/∂η in units of the readings' σ, from acting; nullptr: no η
 /// @param H_xi   work space, 2 (n + r) × parameter_count. @param rest  as for ikm_full
-Outcome linearise_line(const Kernels& kernels, const Robot& robot, const Knowledge& known,
-                       const Pose& pose, const double* q_e, Outside outside, const RowMatrix* D,
-                       double* H_xi, Line& line, Parasitic& rest);
+Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
+                       const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
+                       Line& line, Parasitic& rest);
 }  // namespace truepose

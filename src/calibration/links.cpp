@@ -1,6 +1,33 @@
 #include "calibration/links.hpp"
 
+#include <numeric>
+
 namespace truepose {
+void LinkBlock::weigh(std::vector<double> by) {
+  weight = std::move(by);
+  C = shared;
+  for (int k = 0; k < size(); ++k) C(k, k) += 1 / weight[k];
+  C = cholesky(C);
+}
+
+void LinkBlock::weigh(const LineLoss& loss) {
+  weigh(std::vector<double>(size(), loss.factor(0, 1)));
+  for (int round = 0; round < 100; ++round) {
+    const std::vector<double> z = solve_cholesky(C, y);
+    std::vector<double> next(size());
+    double change = 0;
+    cost = 0;
+    for (int k = 0; k < size(); ++k) {
+      const double own = z[k] / weight[k];  // ε
+      cost += z[k] * (y[k] - own) + loss.cost(own * own, 1);
+      next[k] = std::max(loss.factor(own * own, 1), kNothing);
+      change = std::max(change, std::fabs(next[k] - weight[k]));
+    }
+    if (change < 1e-9) break;
+    weigh(next);
+  }
+}
+
 LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, const double* w) {
   LinkExpected result;
   const Vec3 c(w[link.tool], w[link.tool + 1], w[link.tool + 2]);
@@ -82,9 +109,9 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
   for (LinkBlock& all : blocks) {
     const int m = all.size(), ends = static_cast<int>(all.end.size());
     all.e.resize(m);
-    all.B.setZero(m, p);
-    all.G.resize(ends, n);
-    all.shared.setZero(m, m);
+    all.B = RowMatrix(m, p);
+    all.G = RowMatrix(ends, n);
+    all.shared = RowMatrix(m, m);
     for (int k = 0, end = 0; k < m; ++k) {
       const Link& link = links.link[all.link[k]];
       const LinkExpected at = expected(mobility, link, poses.data(), w);
@@ -101,7 +128,7 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
         enter(link.shape, at.shape, link.kind == LinkKind::plane ? 3 : 2);
       for (int a = 0; a < link.ends(); ++a, ++end) {
         const Line& line = lines[link.line[a]];
-        auto g = all.G.row(end);  // g R = ∂f/∂x
+        double* g = all.G[end];  // g R = ∂f/∂x
         for (int j = 0; j < n; ++j) {
           g[j] = at.H_x[a][j] / link.sigma;
           for (int i = 0; i < j; ++i) g[j] -= g[i] * line.R[i][j];
@@ -113,35 +140,41 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
     for (int k = 0; k < ends; ++k) {
       const auto [own, at] = all.end[k];
       const Line& line = lines[at];
-      all.B.row(own) -= all.G.row(k) * line.B.topRows(n);
-      for (int i = 0; i < n; ++i) all.y[own] -= all.G(k, i) * line.e[i];
+      for (int i = 0; i < n; ++i) {
+        add_scaled(p, -all.G(k, i), line.B[i], all.B[own]);
+        all.y[own] -= all.G(k, i) * line.e[i];
+      }
       for (int l = 0; l < ends; ++l)
-        if (all.end[l].line == at)
-          all.shared(own, all.end[l].link) += all.G.row(k).dot(all.G.row(l));
+        if (all.end[l].line == at) all.shared(own, all.end[l].link) += dot(n, all.G[k], all.G[l]);
     }
-    all.weigh(Eigen::VectorXd::Ones(m));
+    all.weigh(std::vector<double>(m, 1.0));
   }
   return blocks;
 }
 
-void pull(const LinkBlock& block, const Eigen::VectorXd& step, std::vector<Coordinates>& nu) {
-  const Eigen::VectorXd z = block.C.solve(block.y - block.B * step);
+void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu) {
+  std::vector<double> left = block.B * step;
+  for (int k = 0; k < block.size(); ++k) left[k] = block.y[k] - left[k];
+  const std::vector<double> z = solve_cholesky(block.C, left);
   for (std::size_t k = 0; k < block.end.size(); ++k)
     for (int i = 0; i < block.G.cols(); ++i)
       nu[block.end[k].line][i] += z[block.end[k].link] * block.G(k, i);
 }
 
-void cross_validate(const Links& links, const LinkBlock& block, const Eigen::MatrixXd& root,
+void cross_validate(const Links& links, const LinkBlock& block, const RowMatrix& root,
                     std::vector<LinkResult>& result) {
   const int m = block.size();
-  const Eigen::MatrixXd inverse = block.C.solve(Eigen::MatrixXd::Identity(m, m));
-  const Eigen::MatrixXd half =
-      root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(block.B.transpose() * inverse));
-  const Eigen::VectorXd z = inverse * block.y;
+  RowMatrix inverse = RowMatrix::identity(m);
+  solve_lower(block.C, inverse);
+  solve_lower_transposed(block.C, inverse);
+  RowMatrix half = transposed(block.B) * inverse;
+  solve_lower(root, half);
+  const std::vector<double> z = inverse * block.y;
   for (int k = 0; k < m; ++k) {
     LinkResult& of = result[block.link[k]];
     const double sigma = links.link[block.link[k]].sigma;
-    const double P = inverse(k, k) - half.col(k).squaredNorm();
+    double P = inverse(k, k);
+    for (int i = 0; i < half.rows(); ++i) P -= half(i, k) * half(i, k);
     of.residual = sigma * block.e[k];
     of.left_out = sigma * z[k] / P;
     of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);

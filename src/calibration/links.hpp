@@ -11,8 +11,6 @@
 // poses gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε has its own weight.
 #pragma once
 
-#include <Eigen/Cholesky>
-#include <numeric>
 #include <vector>
 
 #include "calibration/line.hpp"
@@ -66,36 +64,20 @@ struct LinkBlock {
   };
   std::vector<int> link;  ///< indices of the links
   std::vector<End> end{};
-  Eigen::VectorXd e;  ///< (measured - f)/σ at these poses
-  RowMatrix B;
-  Eigen::VectorXd y;
-  RowMatrix G;             ///< of each end
-  Eigen::MatrixXd shared;  ///< GGᵀ
-  Eigen::VectorXd weight;  ///< c of every link: C = diag(1/c) + GGᵀ
-  Eigen::LLT<Eigen::MatrixXd> C;
-  double cost = 0;  ///< at the best poses
+  std::vector<double> e{};  ///< (measured - f)/σ at these poses
+  RowMatrix B{};
+  std::vector<double> y{};
+  RowMatrix G{};                 ///< of each end
+  RowMatrix shared{};            ///< GGᵀ
+  std::vector<double> weight{};  ///< c of every link: C = diag(1/c) + GGᵀ
+  RowMatrix C{};                 ///< Cholesky factor of C
+  double cost = 0;               ///< at the best poses
 
   int size() const { return static_cast<int>(link.size()); }
-  void weigh(const Eigen::VectorXd& by) {
-    weight = by;
-    C.compute(shared + Eigen::MatrixXd(by.cwiseInverse().asDiagonal()));
-  }
+  void weigh(std::vector<double> by);
   /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
   /// because a loss is a concave function of ε².
-  void weigh(const LineLoss& loss) {
-    weigh(Eigen::VectorXd::Constant(size(), loss.factor(0, 1)));
-    for (int round = 0; round < 100; ++round) {
-      const Eigen::VectorXd z = C.solve(y), own = z.cwiseQuotient(weight);  // ε
-      cost = z.dot(y - own);
-      Eigen::VectorXd next(size());
-      for (int k = 0; k < size(); ++k) {
-        cost += loss.cost(own[k] * own[k], 1);
-        next[k] = std::max(loss.factor(own[k] * own[k], 1), kNothing);
-      }
-      if ((next - weight).cwiseAbs().maxCoeff() < 1e-9) break;
-      weigh(next);
-    }
-  }
+  void weigh(const LineLoss& loss);
 };
 
 /// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
@@ -109,7 +91,7 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
                               const std::vector<Line>& lines);
 
 /// Adds the links' effect on every row's ν after the change `step` of u.
-void pull(const LinkBlock& block, const Eigen::VectorXd& step, std::vector<Coordinates>& nu);
+void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu);
 
 /// Result for one measured difference, in its own unit. NaN: of an excluded row.
 struct LinkResult {
@@ -123,6 +105,6 @@ struct LinkResult {
 /// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury), û and Σ of all data.
 /// Entry k over P_kk is the residual of link k without itself, σ² = 1/P_kk.
 /// @param root  of the information on u, Σ⁻¹
-void cross_validate(const Links& links, const LinkBlock& block, const Eigen::MatrixXd& root,
+void cross_validate(const Links& links, const LinkBlock& block, const RowMatrix& root,
                     std::vector<LinkResult>& result);
 }  // namespace truepose

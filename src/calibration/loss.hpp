@@ -9,9 +9,7 @@
 // loss is scaled by a/b: then A = B, as for a likelihood, and the information is I + Σ a²/b RᵀR.
 #pragma once
 
-#include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "math/eliminate.hpp"
 
@@ -34,35 +32,14 @@ inline constexpr double kOutlier = 0.1;
 /// Loss of rows, by the number m of their equations.
 class LineLoss {
  public:
-  LineLoss(Loss loss, double tuning) : loss_(loss), tuning_(tuning) {
-    a_.fill(1);
-    b_.fill(1);
-    if (loss != Loss::squares)
-      for (int m = 1; m <= kMaxRows; ++m) expect(m);
-  }
+  LineLoss(Loss loss, double tuning);
 
-  double rho(double d2, int m) const {
-    const double c = tuning_;
-    switch (loss_) {
-      case Loss::huber: return d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2;
-      case Loss::student: return (c + m) * std::log1p(d2 / c);
-      default: return d2;
-    }
-  }
-  double weight(double d2, int m) const {
-    const double c = tuning_;
-    switch (loss_) {
-      case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
-      case Loss::student: return (c + m) / (c + d2);
-      default: return 1;
-    }
-  }
+  double rho(double d2, int m) const;
+  double weight(double d2, int m) const;
   double unit = 1;  ///< σ of a residual d for cost and factor, > 1 at first
 
   /// Cost of a row, and its weight times a/b.
-  double cost(double d2, int m) const {
-    return unit * unit * scale(m) * rho(d2 / (unit * unit), m);
-  }
+  double cost(double d2, int m) const;
   double factor(double d2, int m) const { return scale(m) * weight(d2 / (unit * unit), m); }
 
   /// Scale of a row's loss: a/b.
@@ -72,20 +49,7 @@ class LineLoss {
 
  private:
   /// a and b by the trapezoidal rule: d has a density like d^(m-1) exp(-d²/2), and E[d²] = m.
-  void expect(int m) {
-    constexpr double kStep = 0.02;
-    const double mode = std::sqrt(m + 1.0);  // of d² times the density
-    double whole = 0, first = 0, second = 0;
-    for (double d = kStep; d < mode + 9; d += kStep) {
-      const double density = std::exp((m + 1) * std::log(d / mode) - 0.5 * (d * d - mode * mode));
-      const double w = weight(d * d, m);
-      whole += density;
-      first += w * density;
-      second += w * w * density;
-    }
-    a_[m] = first / whole;
-    b_[m] = second / whole;
-  }
+  void expect(int m);
 
   Loss loss_;
   double tuning_;

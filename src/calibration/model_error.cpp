@@ -10,7 +10,7 @@ Outcome left_out(const Robot& robot, const Knowledge& known, const Pose& pose, d
   if (outcome) outcome = linearise(robot, pose, q_e, H_x, H_xi + size);
   if (!outcome) return outcome;
   for (int k = 0; k < size; ++k) H_xi[k] -= H_xi[size + k];
-  D.resize(rows, known.count);
+  D = RowMatrix(rows, known.count);
   gather(robot, known, H_xi, rows, D.data());
   return outcome;
 }

@@ -1,5 +1,9 @@
 #include "calibration/registration.hpp"
 
+#include <numbers>
+
+#include "calibration/dense.hpp"
+
 namespace truepose {
 Registration moved(const Registration& from, const double* step) {
   const auto at = [&](int first) { return Vec3(step[first], step[first + 1], step[first + 2]); };
@@ -94,11 +98,22 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+namespace {
+SingularValues singular_values(const Mat3& A) {
+  RowMatrix rows(3, 3);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) rows(i, j) = A(i, j);
+  return truepose::singular_values(rows);
+}
+}  // namespace
+
 Mat3 nearest_rotation(const Mat3& A) {
-  const Eigen::JacobiSVD<Dense3> svd(dense(A), Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Dense3 U = svd.matrixU();
-  if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) = -U.col(2);
-  return plain(U * svd.matrixV().transpose());
+  const SingularValues of = singular_values(A);
+  const auto column = [](const RowMatrix& M, int j) { return Vec3(M(0, j), M(1, j), M(2, j)); };
+  // U Vᵀ, the third columns such that both are rotations; on a line the second is any.
+  const Vec3 u = column(of.AV, 0).normalized(), v = column(of.V, 0), v2 = column(of.V, 1);
+  const Vec3 u2 = of.length[1] > 0 ? column(of.AV, 1).normalized() : normal_to(u);
+  return outer(u, v) + outer(u2, v2) + outer(u.cross(u2), v.cross(v2));
 }
 
 }  // namespace truepose
@@ -119,7 +134,7 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
       if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
     }
   }
-  return dense(sum).norm() > 0 ? nearest_rotation(sum) : known;
+  return sum.norm() > 0 ? nearest_rotation(sum) : known;
 }
 
 }  // namespace truepose::registration_detail
@@ -156,7 +171,7 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
     to *= 1 / total;
     turn = (1 / total) * turn;
     for (const auto& p : pairs) H += p.weight * outer(p.to - to, p.from - from);
-    const auto spans = Eigen::JacobiSVD<Dense3>(dense(H)).singularValues().eval();
+    const std::vector<double> spans = singular_values(H).length;
     if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
     result.base.R = nearest_rotation(H);
     result.base.t = to - result.base.R * from;
@@ -175,9 +190,8 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
       N += p.weight * (A.transpose() * A);
       b += p.weight * (A.transpose() * (result.base.R.transpose() * (p.to - to) - (p.from - from)));
     }
-    Vec3 step;
-    Eigen::Map<Eigen::Vector3d>(step.data()) =
-        dense(N).ldlt().solve(Eigen::Map<const Eigen::Vector3d>(b.data()));
+    Vec3 step = b;
+    Ldlt(3, N.data(), 3, std::array{N(0, 0), N(1, 1), N(2, 2)}.data()).solve(step);
     result.marker.t += step;
     for (auto& p : pairs) p.from += pose[p.line].R * step;
     result.base.t -= result.base.R * turn * step;

@@ -10,14 +10,8 @@
 // For rotational platforms the angles of the axes are measured, without a frame.
 #pragma once
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
-#include <Eigen/SVD>
-#include <algorithm>
-#include <numbers>
 #include <vector>
 
-#include "calibration/dense.hpp"
 #include "math/eliminate.hpp"
 
 namespace truepose {

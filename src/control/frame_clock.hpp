@@ -33,27 +33,6 @@ struct FrameClock {
   /// @param per   units of the mark per period: 1 for a counter, the period for a timestamp
   /// @param mask  values of the mark: it wraps
   /// @param age   oldest admissible, in periods
-  FrameAge advance(FrameMark mark, Real per, std::uint64_t mask, int age) {
-    if (!begun) {
-      begun = mark.given;
-      last = mark.value;
-      return FrameAge::fresh;
-    }
-    const std::uint64_t ahead = mark.given ? (mark.value - last) & mask : 0;
-    if (mark.given) last = mark.value;
-    if (ahead > mask >> 1) {
-      behind = 0;
-      return FrameAge::backwards;
-    }
-    const Real advance = static_cast<Real>(static_cast<std::int64_t>(ahead)) / per;
-    const Real older = behind + 1 - advance;
-    jitter = std::max(jitter, std::abs(advance - 1));
-    const Real most = age + kJitter;
-    const bool old = older - kClockDrift > most;
-    behind = std::clamp(older - kClockDrift, Real{0}, most);
-    if (old) return FrameAge::old;
-    if (older < -most) return FrameAge::dropped;
-    return ahead == 0 ? FrameAge::repeated : FrameAge::fresh;
-  }
+  FrameAge advance(FrameMark mark, Real per, std::uint64_t mask, int age);
 };
 }  // namespace truepose

@@ -1,6 +1,28 @@
 #include "control/multirate.hpp"
 
 namespace truepose {
+void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
+  const int n = dof(robot.mobility);
+  for (int k = 0; k < robot.r; ++k) {
+    if (!late.is(k)) continue;
+    const Real off = q_e[n + k] - late.expected[k];
+    if (!std::isfinite(off)) continue;  // the law reports it
+    if (!(late.begun & bit(k))) {
+      late.begun |= bit(k);
+      late.slow[k] = off;
+      late.slowly[k] = late.there[k];
+    }
+    const Sensor& sensor = robot.sensor[k];
+    const Real news = (off - late.slow[k]) * (off - late.slow[k]);
+    const Real counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
+    const Real follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
+    const Real share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
+    late.slow[k] += share * (off - late.slow[k]);
+    for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
+    q_e[n + k] = late.expected[k] + late.slow[k];
+  }
+}
+
 Outcome start(const MultirateSettings& settings, Multirate& late) {
   late = Multirate{};
   for (int k = 0; k < kMaxSensors; ++k) {
@@ -45,7 +67,6 @@ bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
                                      std::max<Real>(late.settings.age[sensor], age)));
   return true;
 }
-
 }  // namespace truepose
 
 namespace truepose::late_detail {
@@ -77,7 +98,6 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
   }
   return {};
 }
-
 }  // namespace truepose::late_detail
 
 namespace truepose {
@@ -124,7 +144,6 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   ++late.cycle;
   return {};
 }
-
 }  // namespace truepose
 
 namespace truepose::late_detail {
@@ -136,7 +155,6 @@ Real latency_variance(const Multirate& late, int sensor, const std::array<Real, 
   }
   return variance;
 }
-
 }  // namespace truepose::late_detail
 
 namespace truepose {

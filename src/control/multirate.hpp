@@ -104,27 +104,7 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e);
 /// Low-passes p for the laws, after the fault monitor.
 /// @param q_e    in and out: delayed readings as of now
 /// @param holds  keep p: delayed values must not drive a motor without a reading
-inline void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds = false) {
-  const int n = dof(robot.mobility);
-  for (int k = 0; k < robot.r; ++k) {
-    if (!late.is(k)) continue;
-    const Real off = q_e[n + k] - late.expected[k];
-    if (!std::isfinite(off)) continue;  // the law reports it
-    if (!(late.begun & bit(k))) {
-      late.begun |= bit(k);
-      late.slow[k] = off;
-      late.slowly[k] = late.there[k];
-    }
-    const Sensor& sensor = robot.sensor[k];
-    const Real news = (off - late.slow[k]) * (off - late.slow[k]);
-    const Real counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
-    const Real follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
-    const Real share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
-    late.slow[k] += share * (off - late.slow[k]);
-    for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
-    q_e[n + k] = late.expected[k] + late.slow[k];
-  }
-}
+void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds = false);
 
 namespace late_detail {
 /// Variance of the change of p. @param since  `way` where p is known

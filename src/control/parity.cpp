@@ -1,6 +1,92 @@
 #include "control/parity.hpp"
 
 namespace truepose {
+Reading Parity::signature(int r, int reading) const {
+  Reading column{};
+  for (int k = 0; k < r; ++k) column[k] = reading < n ? -g[k][reading] : reading - n == k;
+  return column;
+}
+
+Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyond) {
+  n = dof(robot.mobility);
+  Closure closure;
+  Reading values;
+  SensorRows jr;
+  Outcome outcome = ikm(robot, from, closure);
+  if (outcome) outcome = jacobian(closure, jacobians);
+  if (outcome) outcome = rkm(robot, closure, values, jr);
+  if (!outcome) return outcome;
+  extend(robot, closure.q(), values, expected);
+  for (int c = 0; c < n + robot.r; ++c) expected[c] += beyond[c];
+  for (int k = 0; k < robot.r; ++k)
+    for (int j = 0; j < n; ++j) {
+      g[k][j] = 0;
+      for (int i = 0; i < n; ++i) g[k][j] += jr[k][i] * jacobians.J[i][j];
+    }
+  return {};
+}
+
+Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e,
+                       const Extended& beyond) {
+  n = dof(robot.mobility);
+  constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
+  pose = near;
+  read = q_e;
+  Extended error;
+  for (int left = 3; left > 0; --left) {
+    const Outcome outcome = look(robot, pose, beyond);
+    if (!outcome) return outcome;
+    Real farthest = 0;
+    innovation(robot, q_e, expected, error);
+    Coordinates step{};
+    for (int j = 0; j < n; ++j) {
+      farthest = std::max(farthest, std::fabs(error[j]));
+      for (int i = 0; i < n; ++i) step[i] += jacobians.J[i][j] * error[j];
+    }
+    pose = moved(robot.mobility, pose, step);
+    if (farthest < kNear) break;
+  }
+  for (int k = 0; k < robot.r; ++k) {
+    value[k] = error[n + k];
+    for (int j = 0; j < n; ++j) value[k] -= g[k][j] * error[j];
+  }
+  const bool finite =
+      all_finite(to_coordinates(robot.mobility, pose), n) && all_finite(value, robot.r);
+  return {finite ? Status::ok : Status::not_finite, -1};
+}
+
+void Parity::covariance(int r, const Extended& noise,
+                        const Matrix<kMaxSensors, kMaxSensors>& geometry, Real share,
+                        ReadingCovariance& V) const {
+  for (int k = 0; k < r; ++k)
+    for (int l = 0; l <= k; ++l) {
+      Real sum = share * geometry[k][l] + (k == l ? noise[n + k] : 0);
+      for (int j = 0; j < n; ++j) sum += g[l][j] * noise[j] * g[k][j];
+      V.L[k][l] = sum;
+    }
+}
+
+Real Parity::by(const Robot& robot, const Real* H_xi, int k, int column) const {
+  const int width = parameter_count(robot);
+  Real sum = H_xi[(n + k) * width + column];
+  for (int j = 0; j < n; ++j) sum -= g[k][j] * H_xi[j * width + column];
+  return sum;
+}
+
+void Parity::open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const {
+  for (int k = 0; k < robot.r; ++k)
+    for (int m = 0; m < known.count; ++m)
+      B[k * known.count + m] = by(robot, H_xi, k, known.column[m]);
+  times_root(known, robot.r, B);
+}
+
+Real Parity::expectation_noise(const Extended& noise, int reading) const {
+  Real sum = 0;
+  if (reading >= n)
+    for (int j = 0; j < n; ++j) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
+  return std::sqrt(sum);
+}
+
 Verdict parity_verdict(const Parity& parity, const std::array<Real, kMaxSensors + 1>& most,
                        const ReadingCovariance& V, const Reading& value, int r,
                        std::uint32_t without, int left_out) {

@@ -26,96 +26,26 @@ struct Parity {
   Pose pose;
 
   /// Column of P.
-  Reading signature(int r, int reading) const {
-    Reading column{};
-    for (int k = 0; k < r; ++k) column[k] = reading < n ? -g[k][reading] : reading - n == k;
-    return column;
-  }
+  Reading signature(int r, int reading) const;
 
   /// h, J and J_r J at a pose. @param beyond  the full level's addition to h
-  Outcome look(const Robot& robot, const Pose& from, const Extended& beyond) {
-    n = dof(robot.mobility);
-    Closure closure;
-    Reading values;
-    SensorRows jr;
-    Outcome outcome = ikm(robot, from, closure);
-    if (outcome) outcome = jacobian(closure, jacobians);
-    if (outcome) outcome = rkm(robot, closure, values, jr);
-    if (!outcome) return outcome;
-    extend(robot, closure.q(), values, expected);
-    for (int c = 0; c < n + robot.r; ++c) expected[c] += beyond[c];
-    for (int k = 0; k < robot.r; ++k)
-      for (int j = 0; j < n; ++j) {
-        g[k][j] = 0;
-        for (int i = 0; i < n; ++i) g[k][j] += jr[k][i] * jacobians.J[i][j];
-      }
-    return {};
-  }
+  Outcome look(const Robot& robot, const Pose& from, const Extended& beyond);
 
   /// Finds the motors' pose by Newton from a pose nearby, and p there.
-  Outcome locate(const Robot& robot, const Pose& near, const Extended& q_e,
-                 const Extended& beyond) {
-    n = dof(robot.mobility);
-    constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
-    pose = near;
-    read = q_e;
-    Extended error;
-    for (int left = 3; left > 0; --left) {
-      const Outcome outcome = look(robot, pose, beyond);
-      if (!outcome) return outcome;
-      Real farthest = 0;
-      innovation(robot, q_e, expected, error);
-      Coordinates step{};
-      for (int j = 0; j < n; ++j) {
-        farthest = std::max(farthest, std::fabs(error[j]));
-        for (int i = 0; i < n; ++i) step[i] += jacobians.J[i][j] * error[j];
-      }
-      pose = moved(robot.mobility, pose, step);
-      if (farthest < kNear) break;
-    }
-    for (int k = 0; k < robot.r; ++k) {
-      value[k] = error[n + k];
-      for (int j = 0; j < n; ++j) value[k] -= g[k][j] * error[j];
-    }
-    const bool finite =
-        all_finite(to_coordinates(robot.mobility, pose), n) && all_finite(value, robot.r);
-    return {finite ? Status::ok : Status::not_finite, -1};
-  }
+  Outcome locate(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond);
 
   /// P diag(noise) Pᵀ + share · geometry, lower triangle. @param geometry  P H_ξ Σ_ξ H_ξᵀ Pᵀ
   void covariance(int r, const Extended& noise, const Matrix<kMaxSensors, kMaxSensors>& geometry,
-                  Real share, ReadingCovariance& V) const {
-    for (int k = 0; k < r; ++k)
-      for (int l = 0; l <= k; ++l) {
-        Real sum = share * geometry[k][l] + (k == l ? noise[n + k] : 0);
-        for (int j = 0; j < n; ++j) sum += g[l][j] * noise[j] * g[k][j];
-        V.L[k][l] = sum;
-      }
-  }
+                  Real share, ReadingCovariance& V) const;
 
   /// P H_ξ: row k by a parameter.
-  Real by(const Robot& robot, const Real* H_xi, int k, int column) const {
-    const int width = parameter_count(robot);
-    Real sum = H_xi[(n + k) * width + column];
-    for (int j = 0; j < n; ++j) sum -= g[k][j] * H_xi[j * width + column];
-    return sum;
-  }
+  Real by(const Robot& robot, const Real* H_xi, int k, int column) const;
 
   /// P H_ξ S, r rows of B: the geometry's uncertainty in the parity.
-  void open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const {
-    for (int k = 0; k < robot.r; ++k)
-      for (int m = 0; m < known.count; ++m)
-        B[k * known.count + m] = by(robot, H_xi, k, known.column[m]);
-    times_root(known, robot.r, B);
-  }
+  void open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const;
 
   /// σ of the change, between cycles at rest, of a sensor's value predicted by the motors.
-  Real expectation_noise(const Extended& noise, int reading) const {
-    Real sum = 0;
-    if (reading >= n)
-      for (int j = 0; j < n; ++j) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
-    return std::sqrt(sum);
-  }
+  Real expectation_noise(const Extended& noise, int reading) const;
 };
 
 /// χ² of a parity, and the readings that alone may explain it.

@@ -1,12 +1,26 @@
 #include "control/safety_defaults.hpp"
 
 namespace truepose::safety_detail {
+Unmarked::Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace,
+                   Real rests) {
+  const Real T = limits.period;
+  Real error = 0, pushed = 0, seen = 0;  // of that motor
+  while (cycles < kLongest && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
+    ++cycles;
+    const Real next = std::max(pace * cycles - rests, Real{0});
+    pushed += T * kp * next + kd * (next - error);
+    seen += T * pushed;
+    error = next;
+    gained += T * (kp * cycles * T + kd) * speed;
+    way += T * gained;
+  }
+}
+
 Real travel(const Chain& chain) {
   if (std::isfinite(chain.low) && std::isfinite(chain.high)) return chain.high - chain.low;
   if (chain.actuator == Actuator::revolute) return std::numbers::pi_v<Real> / 2;
   return chain.rod > 0 ? chain.rod : 1;
 }
-
 }  // namespace truepose::safety_detail
 
 namespace truepose {
@@ -81,7 +95,6 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
   limits.standstill = std::max(rest, settings.period);
   return consistent(limits, n, n);
 }
-
 }  // namespace truepose
 
 namespace truepose::safety_detail {
@@ -104,7 +117,6 @@ Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimit
   }
   return least;
 }
-
 }  // namespace truepose::safety_detail
 
 namespace truepose {

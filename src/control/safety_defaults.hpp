@@ -70,19 +70,7 @@ namespace safety_detail {
 struct Unmarked {
   int cycles = 0;
   Real gained = 0, way = 0;
-  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests) {
-    const Real T = limits.period;
-    Real error = 0, pushed = 0, seen = 0;  // of that motor
-    while (cycles < kLongest && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
-      ++cycles;
-      const Real next = std::max(pace * cycles - rests, Real{0});
-      pushed += T * kp * next + kd * (next - error);
-      seen += T * pushed;
-      error = next;
-      gained += T * (kp * cycles * T + kd) * speed;
-      way += T * gained;
-    }
-  }
+  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests);
 };
 
 /// Least speed of the fastest motor over its `still`, per speed of the platform: of 13 directions.

@@ -1,6 +1,11 @@
 #include "control/tracker.hpp"
 
 namespace truepose {
+void Tracker::correct(Real period, Real pole, Real innovation) {
+  value += period * rate + (1 - pole * pole) * innovation;
+  rate += (1 - pole) * (1 - pole) / period * innovation;
+}
+
 TrackerGains tracker_gains(Real pole) {
   TrackerGains gains;
   gains.acceleration = 1 / ((1 - pole) * (1 - pole));

@@ -12,10 +12,7 @@ struct Tracker {
   Real predicted(Real period) const { return value + period * rate; }
 
   /// @param innovation  reading minus prediction
-  void correct(Real period, Real pole, Real innovation) {
-    value += period * rate + (1 - pole * pole) * innovation;
-    rate += (1 - pole) * (1 - pole) / period * innovation;
-  }
+  void correct(Real period, Real pole, Real innovation);
 };
 
 /// Gains from a reading to its innovation, h = ((1 - z⁻¹)/(1 - pole z⁻¹))²: Σh² for white noise,

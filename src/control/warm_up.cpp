@@ -1,6 +1,46 @@
 #include "control/warm_up.hpp"
 
 namespace truepose {
+void WarmUp::average(const GrowthRows& M, const ReadingCovariance& V, const Reading& p, int r,
+                     Real since, Real memory) {
+  GrowthRows W = M;
+  Reading y = p;
+  for (int m = 0; m < kGrowths; ++m) V.whiten(r, &W[0][m], kGrowths);
+  V.whiten(r, y.data(), 1);
+  averaged = std::min(averaged + since, memory);
+  const Real share = since < averaged ? since / averaged : 1;
+  for (int m = 0; m < kGrowths; ++m) {
+    Growths sum{};
+    Real of_p = 0;
+    for (int k = 0; k < r; ++k) {
+      for (int l = 0; l < kGrowths; ++l) sum[l] += W[k][m] * W[k][l];
+      of_p += W[k][m] * y[k];
+    }
+    for (int l = 0; l < kGrowths; ++l) information[m][l] += share * (sum[l] - information[m][l]);
+    score[m] += share * (of_p - score[m]);
+  }
+}
+
+Reading WarmUp::explain(const GrowthRows& M, int r,
+                        Matrix<kMaxSensors, kMaxSensors>& geometry) const {
+  auto precision = information;
+  Growths size, tau = score;
+  for (int m = 0; m < kGrowths; ++m) size[m] = precision[m][m] += 1;
+  const Ldlt factored(kGrowths, precision, size);
+  if (!factored.regular()) return {};
+  factored.solve(tau);
+  Reading offset{};
+  for (int k = 0; k < r; ++k) {
+    Growths column = M[k];
+    factored.solve(column);
+    for (int m = 0; m < kGrowths; ++m) {
+      offset[k] += M[k][m] * tau[m];
+      for (int l = 0; l <= k; ++l) geometry[k][l] += M[l][m] * column[m];
+    }
+  }
+  return offset;
+}
+
 GrowthRows growth_rows(const Robot& robot, const Parity& parity, const Real* H_xi,
                        const Growths& growth) {
   GrowthRows M{};

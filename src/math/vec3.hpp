@@ -85,6 +85,10 @@ struct Mat3 {
   bool allFinite() const {
     return column[0].allFinite() && column[1].allFinite() && column[2].allFinite();
   }
+  /// Frobenius'.
+  Real norm() const {
+    return std::sqrt(column[0].squaredNorm() + column[1].squaredNorm() + column[2].squaredNorm());
+  }
   constexpr Mat3& operator+=(const Mat3& b) {
     for (int j = 0; j < 3; ++j) column[j] += b.column[j];
     return *this;

@@ -93,6 +93,8 @@ inline Vector row(const Rows& rows, std::size_t i) {
   return result;
 }
 
+inline Level level(bool full) { return full ? Level::full : Level::ideal; }
+
 void bind_control(nb::module_& module);
 void bind_simulation(nb::module_& module);
 void bind_batch(nb::module_& module);

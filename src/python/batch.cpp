@@ -91,7 +91,6 @@ auto batch_gyro(const Robot& robot, const Rows& x) {
 /// H_x = [J⁻¹; J_r], (N, n + r, n), and H_ξ in the core's own order, (N, n + r, p).
 auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
   const std::size_t n = x.shape(1), e = n + robot.r, p = parameter_count(robot);
-  const Kernels model = kernels(robot.mobility, full);
   const bool exists = !full || robot.full.own() || robot.full.kind == FullKind::same;
   return batch(x.shape(0), {{e, n}, {e, p}}, [&](std::size_t i, auto& out) -> Outcome {
     if (!exists) return {Status::no_full_level, -1};
@@ -99,7 +98,7 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
     PoseRows H_x;
     Parasitic rest;
     const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
-    const Outcome outcome = model.linearise(robot, pose, q_e, H_x, out[1], rest);
+    const Outcome outcome = linearise(level(full), robot, pose, q_e, H_x, out[1], rest);
     write(H_x, e, n, out[0]);
     return outcome;
   });
@@ -112,12 +111,11 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
 auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance, const Joint& arms,
                       const Rows& force, const Rows& tension, bool full) {
   const std::size_t n = x.shape(1), e = n + robot.r;
-  const Kernels model = kernels(robot.mobility, full);
   return batch(x.shape(0), {{e}, {e, 2 * n}, {n}}, [&](std::size_t i, auto& out) {
     Load load{Vec3(force(i, 0), force(i, 1), force(i, 2)), row<Joint>(tension, i)};
     UnderLoad at;
     const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
-    const Outcome outcome = under_load(robot, model, full, pose, compliance, arms, load,
+    const Outcome outcome = under_load(level(full), robot, pose, compliance, arms, load,
                                        scratch(e * parameter_count(robot)).data(), at);
     std::copy_n(at.q_e.begin(), e, out[0]);
     for (std::size_t c = 0; c < e; ++c)

@@ -1,5 +1,4 @@
 // The C interface's tables of a robot as text, for `truepose export c`. No mathematics.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>

@@ -1,5 +1,4 @@
 // Estimates, calibrations and bounds for Python: arrays in, arrays out. No mathematics.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
@@ -17,7 +16,6 @@ namespace {
 auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, const Rows& guess,
                     bool full) {
   const std::size_t n = dof(robot.mobility);
-  const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
   return batch(
       q_e.shape(0), {{n}, {n, n}, {}},
@@ -25,7 +23,7 @@ auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, con
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
         Pose pose = to_pose(robot.mobility, row<Coordinates>(guess, i));
         const Estimate found =
-            model.estimate(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
+            estimate(level(full), robot, knowledge, row<Extended>(q_e, i), pose, work.data());
         std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, out[0]);
         write(found.covariance, n, n, out[1]);
         *out[2] = found.chi2;
@@ -46,7 +44,6 @@ Influences influences_at(const Robot& robot, const std::optional<Rows>& influenc
 auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full,
                 const std::optional<Rows>& influence) {
   const std::size_t n = x.shape(1), e = n + robot.r;
-  const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
   return batch(
       x.shape(0), {{n, e}, {n, e}},
@@ -54,7 +51,7 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
         Fused fusion;
         const Outcome outcome =
-            fused(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(x, i)),
+            fused(level(full), robot, knowledge, to_pose(robot.mobility, row<Coordinates>(x, i)),
                   influences_at(robot, influence, i), work.data(),
                   work.data() + e * parameter_count(robot), fusion);
         write(fusion.gain, n, e, out[0]);
@@ -77,14 +74,18 @@ auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected)
 }
 
 RowMatrix homogeneous(const Frame& frame) {
-  RowMatrix T = RowMatrix::Identity(4, 4);
-  T.topLeftCorner(3, 3) = dense(frame.R);
-  for (int k = 0; k < 3; ++k) T(k, 3) = frame.t[k];
+  RowMatrix T = RowMatrix::identity(4);
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) T(i, j) = frame.R(i, j);
+    T(i, 3) = frame.t[i];
+  }
   return T;
 }
 Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
   const auto frame = [](const RowMatrix& T) {
-    return Frame{{T(0, 3), T(1, 3), T(2, 3)}, plain(T.topLeftCorner(3, 3))};
+    return Frame{
+        {T(0, 3), T(1, 3), T(2, 3)},
+        Mat3::of(T(0, 0), T(0, 1), T(0, 2), T(1, 0), T(1, 1), T(1, 2), T(2, 0), T(2, 1), T(2, 2))};
   };
   return {frame(base), frame(marker)};
 }
@@ -134,7 +135,6 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
       log.measured = measured.data();
       log.measured_sigma = measured_sigma.data();
     }
-    const Kernels model = kernels(drawn.mobility, full);
     const Knowledge known = prior.view();
     Signals signals;
     CalibrationSettings settings;
@@ -142,7 +142,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     settings.registration = registration;
     settings.loss = loss, settings.tuning = tuning, settings.iterations = iterations;
     settings.poll = [&] { signals(); };
-    result = Calibrator(drawn, model, known, mean, log, settings).run();
+    result = calibrate(level(full), drawn, known, mean, log, settings);
   }
   Owned<double> x({count, n}), difference({result.link.size(), 4});
   std::vector<int> status(count);
@@ -160,10 +160,10 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                 difference[k]);
   }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations,
-                        owned(result.xi), RowMatrix(result.covariance), x.release(),
-                        owned(result.chi2), owned(result.redundancy), owned(result.weight),
-                        owned(status), result.cost, homogeneous(result.start.base),
-                        homogeneous(result.start.marker), homogeneous(result.registration.base),
+                        owned(result.xi), result.covariance, x.release(), owned(result.chi2),
+                        owned(result.redundancy), owned(result.weight), owned(status), result.cost,
+                        homogeneous(result.start.base), homogeneous(result.start.marker),
+                        homogeneous(result.registration.base),
                         homogeneous(result.registration.marker), owned(result.w),
                         difference.release(), owned(result.amount));
 }
@@ -192,8 +192,8 @@ auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, c
                         influences_at(robot, influence, i)});
     }
     Signals signals;
-    outcome = rows_of_visits(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
-                             links, all, [&] { signals(); });
+    outcome = rows_of_visits(level(full), robot, prior.view(), nuisances, visits, links, all,
+                             [&] { signals(); });
   }
   return answered(outcome, all.B, all.visit);
 }
@@ -218,8 +218,8 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
     for (std::size_t i = 0; i < known.shape(0); ++i)
       visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
     Signals signals;
-    outcome = after_visiting(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
-                             links, root, [&] { signals(); });
+    outcome = after_visiting(level(full), robot, prior.view(), nuisances, visits, links, root,
+                             [&] { signals(); });
   }
   return answered(outcome, root);
 }
@@ -229,10 +229,9 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
 auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& reference,
                     bool full, const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1);
-  const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
   const auto error_at = [&](const Coordinates& at, std::size_t i, PoseError& error) {
-    return pose_error(robot, model, knowledge, to_pose(robot.mobility, at),
+    return pose_error(level(full), robot, knowledge, to_pose(robot.mobility, at),
                       influences_at(robot, influence, i), scratch(0), error);
   };
   PoseError there;
@@ -247,11 +246,10 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
         const Outcome outcome = error_at(row<Coordinates>(x, i), i, here);
         if (!outcome) return outcome;
         if (relative) {
-          here.by_geometry -= there.by_geometry;
-          here.by_noise += there.by_noise;
+          here.by_geometry = sum(here.by_geometry, there.by_geometry, -1);
+          here.by_noise = sum(here.by_noise, there.by_noise);
         }
-        here.by_noise.noalias() += here.by_geometry * here.by_geometry.transpose();
-        std::copy_n(here.by_noise.data(), n * n, out[0]);
+        std::ranges::copy(plus_gram(here.by_noise, transposed(here.by_geometry)), out[0]);
         return outcome;
       },
       kFewRowsPerThread);
@@ -264,14 +262,14 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   Owned<double> x({count, n});
   Outcomes outcomes(count);
-  const Kernels model = kernels(drawn.mobility, online.full());
   OnlineCalibrator& learner = online.begin(drawn);
   const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
   if (!about.empty()) learner.settings.linearised = about.data();
   for_rows_in_order(count, [&](std::size_t i) {
     learner.pose = to_pose(drawn.mobility, drawn.home);
-    const Outcome outcome = model.observe(drawn, learner.settings, row<Extended>(q_e, i),
-                                          learner.state, learner.robot, learner.pose, learner.work);
+    const Outcome outcome =
+        observe(level(online.full()), drawn, learner.settings, row<Extended>(q_e, i), learner.state,
+                learner.robot, learner.pose, learner.work);
     ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
     outcomes.set(i, outcome);
     Coordinates at = to_coordinates(drawn.mobility, learner.pose);

@@ -1,5 +1,4 @@
 // Controllers and their static equilibria for Python. No mathematics.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>

@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "calibration/dense.hpp"
 #include "control/law.hpp"
+#include "python/vectors.hpp"
 
 namespace truepose::python {
 /// Knowledge that owns its arrays.
@@ -16,7 +16,7 @@ struct Known {
 
   Known(std::vector<int> columns, RowMatrix lower, const std::vector<double>& sigmas)
       : column(std::move(columns)), root(std::move(lower)) {
-    if (root.rows() != root.cols() || root.rows() != static_cast<long>(column.size()) ||
+    if (root.rows() != root.cols() || root.rows() != static_cast<int>(column.size()) ||
         sigmas.size() > sigma.size())
       throw std::invalid_argument(
           "one row and column for each parameter, one sigma for each reading");

@@ -1,5 +1,4 @@
 // Python bindings of the core's structs, field by field. No mathematics.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/array.h>
 

@@ -1,5 +1,4 @@
 // Simulations for Python: runs or visits of poses, with effects, faults, multirate sensors.
-#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>

@@ -1,31 +1,62 @@
-// Vectors and matrices of space as numpy arrays, copied.
+// Vectors and matrices of the core as numpy arrays, copied.
 #pragma once
 
-#include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
 
+#include <algorithm>
+
+#include "calibration/dense.hpp"
 #include "math/vec3.hpp"
 
 namespace nanobind::detail {
-template <class Numbers, int columns>
-struct SpaceCaster {
-  using Dense = Eigen::Matrix<truepose::Real, 3, columns>;
-  using Caster = make_caster<Dense>;
-  NB_TYPE_CASTER(Numbers, Caster::Name)
+/// Numbers of a new numpy array, by rows.
+inline double* new_array(object& array, const nanobind::tuple& shape) {
+  array = module_::import_("numpy").attr("empty")(shape, "double");
+  return cast<ndarray<double, c_contig, device::cpu>>(array).data();
+}
+
+template <>
+struct type_caster<truepose::RowMatrix> {
+  using Array = ndarray<const double, ndim<2>, c_contig, device::cpu>;
+  NB_TYPE_CASTER(truepose::RowMatrix, make_caster<Array>::Name)
 
   bool from_python(handle from, std::uint8_t flags, cleanup_list* cleanup) noexcept {
-    Caster caster;
+    make_caster<Array> caster;
     if (!caster.from_python(from, flags, cleanup)) return false;
-    Eigen::Map<Dense>(value.data()) = caster.operator cast_t<Dense&>();
+    value = {static_cast<int>(caster.value.shape(0)), static_cast<int>(caster.value.shape(1)),
+             caster.value.data()};
     return true;
   }
-  static handle from_cpp(const Numbers& numbers, rv_policy, cleanup_list* cleanup) noexcept {
-    return Caster::from_cpp(Dense(Eigen::Map<const Dense>(numbers.data())), rv_policy::copy,
-                            cleanup);
+  static handle from_cpp(const truepose::RowMatrix& A, rv_policy, cleanup_list*) {
+    object array;
+    std::ranges::copy(A, new_array(array, make_tuple(A.rows(), A.cols())));
+    return array.release();
+  }
+};
+
+/// Of space, whose numbers are by columns.
+template <class Numbers, class Shape>
+struct SpaceCaster {
+  using Array = ndarray<const double, Shape, f_contig, device::cpu>;
+  NB_TYPE_CASTER(Numbers, make_caster<Array>::Name)
+
+  bool from_python(handle from, std::uint8_t flags, cleanup_list* cleanup) noexcept {
+    make_caster<Array> caster;
+    if (!caster.from_python(from, flags, cleanup)) return false;
+    std::copy_n(caster.value.data(), caster.value.size(), value.data());
+    return true;
+  }
+  static handle from_cpp(const Numbers& numbers, rv_policy, cleanup_list*) {
+    object array;
+    constexpr int count = sizeof(Numbers) / sizeof(double);
+    std::copy_n(numbers.data(), count,
+                new_array(array, count == 3 ? nanobind::tuple(make_tuple(3)) : make_tuple(3, 3)));
+    return object(array.attr("T")).release();
   }
 };
 template <>
-struct type_caster<truepose::Vec3> : SpaceCaster<truepose::Vec3, 1> {};
+struct type_caster<truepose::Vec3> : SpaceCaster<truepose::Vec3, shape<3>> {};
 template <>
-struct type_caster<truepose::Mat3> : SpaceCaster<truepose::Mat3, 3> {};
+struct type_caster<truepose::Mat3> : SpaceCaster<truepose::Mat3, shape<3, 3>> {};
 }  // namespace nanobind::detail

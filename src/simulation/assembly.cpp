@@ -50,9 +50,7 @@ std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<Pose> f
         pose.D[axis] = std::remainder(pose.D[axis], 2 * std::numbers::pi);
   const auto apart = [](const Pose& a, const Pose& b) {
     const Vec3 D = a.D - b.D;
-    const Mat3 R = a.R - b.R;
-    const Real turn2 = sum_of(3, [&](int j) { return R.col(j).squaredNorm(); });
-    return std::max({std::fabs(D.x()), std::fabs(D.y()), std::fabs(D.z()), std::sqrt(turn2)});
+    return std::max({std::fabs(D.x()), std::fabs(D.y()), std::fabs(D.z()), (a.R - b.R).norm()});
   };
   // A projection on unit vectors in which distinct modes are unlikely to coincide.
   const auto along = [](const Pose& at) {

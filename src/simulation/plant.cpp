@@ -8,13 +8,49 @@ Coordinates tangent_rate(Mobility mobility, const Coordinates& u, const Coordina
   return {rate[0], rate[1], rate[2], corrected[0], corrected[1], corrected[2]};
 }
 
+namespace {
+/// start + scale · slope, number by number.
+template <std::size_t N>
+std::array<double, N> along(std::array<double, N> start, double scale,
+                            const std::array<double, N>& slope) {
+  for (std::size_t i = 0; i < N; ++i) start[i] += scale * slope[i];
+  return start;
+}
+}  // namespace
+
+Outcome step(const Robot& truth, double h, PlantState& state, Rotors& y, const Drive& drive) {
+  constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
+  Coordinates motion{}, change{}, velocity{}, acceleration{};
+  Rotors dy{}, whole{};
+  for (int stage = 0; stage < 4; ++stage) {
+    const Coordinates u = along(Coordinates{}, h * node[stage], velocity);
+    const Coordinates rate = along(state.rate, h * node[stage], acceleration);
+    const Rotors at = along(y, h * node[stage], dy);
+    const Pose pose = stage == 0 ? state.pose : moved(truth.mobility, state.pose, u);
+    velocity = tangent_rate(truth.mobility, u, rate);
+    const Outcome outcome = forward_dynamics_under(
+        truth, pose, rate,
+        [&](const Closure& closure, const DynamicModel& model) {
+          return drive(closure, model, at, dy);
+        },
+        acceleration);
+    if (!outcome) return outcome;
+    motion = along(motion, h * weight[stage], velocity);
+    change = along(change, h * weight[stage], acceleration);
+    whole = along(whole, h * weight[stage], dy);
+  }
+  state.pose = moved(truth.mobility, state.pose, motion);
+  state.rate = along(state.rate, 1, change);
+  y = along(y, 1, whole);
+  return {};
+}
+
 Outcome advance(const Robot& truth, const Joint& torque, double period, int steps,
                 PlantState& state) {
-  std::array<double, 0> nothing;
+  Rotors rigid{};
+  const Drive drive = [&](const auto&, const auto&, const auto&, auto&) { return torque; };
   for (int s = 0; s < steps; ++s) {
-    const Outcome outcome =
-        step(truth, period / steps, state, nothing,
-             [&](const auto&, const auto&, const auto&, auto&) { return torque; });
+    const Outcome outcome = step(truth, period / steps, state, rigid, drive);
     if (!outcome) return outcome;
   }
   return {};

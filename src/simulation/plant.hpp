@@ -1,6 +1,7 @@
 // The plant: true geometry under motor torques, and its encoders' readings.
 #pragma once
 
+#include <functional>
 #include <random>
 
 #include "control/dynamics.hpp"
@@ -17,40 +18,16 @@ struct PlantState {
 /// ω - [u,ω]/2 + [u,[u,ω]]/12, sufficient for order four. Identity for other mobilities.
 Coordinates tangent_rate(Mobility mobility, const Coordinates& u, const Coordinates& rate);
 
-/// Advances the plant, and M values y driven by its motors, by one Runge-Kutta 4 step.
-/// @param drive  drive(closure, model, y, dy) -> Joint: torques, and the derivative of y
+/// Motors' elastic rotors: angles, then from n on their rates.
+using Rotors = std::array<double, 2 * kMaxMotors>;
+
+/// Torques of a closed pose, and the derivative of the rotors.
+using Drive =
+    std::function<Joint(const Closure&, const DynamicModel&, const Rotors& y, Rotors& dy)>;
+
+/// Advances the plant, and its rotors, by one Runge-Kutta 4 step.
 /// @return unreachable or singular where it leaves its workspace; the state is then unchanged
-template <std::size_t M, class Drive>
-inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<double, M>& y,
-                    Drive&& drive) {
-  const auto along = [](const auto& start, double scale, const auto& slope) {
-    auto result = start;
-    for (std::size_t i = 0; i < result.size(); ++i) result[i] += scale * slope[i];
-    return result;
-  };
-  constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
-  Coordinates motion{}, change{}, velocity{}, acceleration{};
-  std::array<double, M> dy{}, whole{};
-  for (int stage = 0; stage < 4; ++stage) {
-    const Coordinates u = along(Coordinates{}, h * node[stage], velocity);
-    const Coordinates rate = along(state.rate, h * node[stage], acceleration);
-    const std::array<double, M> at = along(y, h * node[stage], dy);
-    const Pose pose = stage == 0 ? state.pose : moved(truth.mobility, state.pose, u);
-    velocity = tangent_rate(truth.mobility, u, rate);
-    const Outcome outcome = forward_dynamics_under(
-        truth, pose, rate,
-        [&](const auto& closure, const auto& model) { return drive(closure, model, at, dy); },
-        acceleration);
-    if (!outcome) return outcome;
-    motion = along(motion, h * weight[stage], velocity);
-    change = along(change, h * weight[stage], acceleration);
-    whole = along(whole, h * weight[stage], dy);
-  }
-  state.pose = moved(truth.mobility, state.pose, motion);
-  state.rate = along(state.rate, 1, change);
-  y = along(y, 1, whole);
-  return {};
-}
+Outcome step(const Robot& truth, double h, PlantState& state, Rotors& y, const Drive& drive);
 
 /// Advances the plant by `period` under constant torque, in `steps` steps.
 /// @return unreachable or singular outside its workspace; the state is then the last valid one

@@ -69,80 +69,28 @@ struct Extras {
   const Safety* safety = nullptr;  ///< enables the safety shell
 };
 
+/// Setpoints of a path, by period; fractional where it slows down.
+using Path = std::function<Setpoint(double period)>;
+/// Receives the samples of a run.
+using Write = std::function<void(const Sample&)>;
+
 /// A robot and its controller, with the state that persists between moves.
 class Loop {
  public:
   /// @param start  true pose of the robot at rest
   Loop(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-       const Coordinates& start, std::uint64_t seed, const Extras& extras = {})
-      : nominal_(nominal),
-        settings_(settings),
-        extras_(extras),
-        plant_(truth, extras.effects, to_pose(truth.mobility, start), seed),
-        resting_(plant_.rest()),
-        bus_(extras.bus ? *extras.bus : MultirateSettings{}) {
-    if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
-  }
+       const Coordinates& start, std::uint64_t seed, const Extras& extras = {});
 
   /// Runs one move; calls write(sample) once per period, end included.
   /// @return ok, or the failure that ended it: the plant's, or, without faults, the controller's
-  template <class Write>
-  Outcome move(const Run& run, Write&& write) {
-    const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
-    return follow(
-        periods, run.steps,
-        [&](double k) {
-          return quintic(nominal_.mobility, run.from, run.to, run.duration, k * settings_.period);
-        },
-        write);
-  }
+  Outcome move(const Run& run, const Write& write);
 
   /// The same along any path. A fault-tolerant controller that must stop stops on it.
-  /// @param path  path(k) -> Setpoint, at the start of period k; fractional k where it slows down
-  template <class Path, class Write>
-  Outcome follow(int periods, int steps, Path&& path, Write&& write) {
-    if (!resting_) return resting_;
-    const Safety* const safety = extras_.safety;
-    Cycle cycle;
-    if (safety && !shell_.follows) {
-      const Outcome outcome = switch_on(path(0.0), cycle);
-      if (!outcome || !shell_.follows) {
-        write(sampled(0, path(0.0), cycle));
-        return outcome;
-      }
-    }
-    for (int k = 0; k <= periods; ++k) {
-      const double time = k * settings_.period;
-      const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
-                                                : path(static_cast<double>(k));
-      const bool late = extras_.effects.delayed && control_.started;  // torques
-      const Joint before = torque();
-      Outcome outcome = run_cycle(plant_, time, setpoint, cycle);
-      if (!outcome) return outcome;
-      write(sampled(time, setpoint, cycle));
-      if (k == periods) break;
-      if (clock_.rate == 1 && !fault_state_.stops) clock_.time = k * settings_.period;
-      if (safety && !shell_.follows) clock_.rate = 0;
-      clock_.advance(settings_.period, safety ? shell_.path_stop : fault_state_.stop);
-      plant_.brake(brakes(), settings_.period);
-      disturb(extras_.began + time);
-      outcome = plant_.advance(late ? before : torque(), settings_.period, steps);
-      if (!outcome) return outcome;
-    }
-    extras_.began += periods * settings_.period;
-    return {};
-  }
+  Outcome follow(int periods, int steps, const Path& path, const Write& write);
 
  private:
   /// Begins and ends disturbances in the period from `time` on.
-  void disturb(double time) {
-    const double from = time - settings_.period / 2, to = time + settings_.period / 2;
-    for (const Event& event : extras_.events) {
-      if (event.begin >= from && event.begin < to) plant_.disturb(event);
-      if (event.kind == Disturbance::contact && event.end >= from && event.end < to)
-        plant_.disturb(event, -1);
-    }
-  }
+  void disturb(double time);
 
   /// Readings and results of one cycle of the controller.
   struct Cycle {
@@ -157,135 +105,24 @@ class Loop {
 
   /// Reads the sensors and runs the controller.
   /// @return the plant's failure, or, without faults and shell, the controller's
-  Outcome run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cycle& cycle) {
-    Extended& q_e = cycle.q_e;
-    Outcome outcome = plant.measure(q_e);
-    if (!outcome) return outcome;
-    if (extras_.faults) extras_.faults->make_faulty(extras_.began + time, q_e);
-    const bool slow = extras_.late;
-    OnlineCalibrator* const learner = extras_.learner;
-    const bool monitored = extras_.fault_settings && !extras_.law;
-    if (extras_.bus) late_.arrived = bus_.deliver(dof(nominal_.mobility), q_e);
-    Extended present = q_e;
-    const Weighing weighing = slow && !monitored
-                                  ? compensated(nominal_, extras_.weighing, late_, known_, present)
-                                  : extras_.weighing;
-    const bool learns = learner && time >= 0;
-    cycle.gave_up =  // a row that fits no pose is skipped
-        learns && !monitored && calibrate_online(*learner, present).status == Status::stopped;
-    const Robot& believed = learner ? learner->robot : nominal_;
-    Multirate* const late = slow ? &late_ : nullptr;
-    if (extras_.safety)
-      outcome = run_safely(believed, time, setpoint, monitored ? q_e : present,
-                           monitored ? extras_.monitor_weighing : weighing, cycle.request);
-    else if (extras_.law)
-      outcome = control_by_own_law(believed, setpoint, present);
-    else if (monitored)
-      outcome = control_fault_tolerant(believed, settings_, *extras_.fault_settings, setpoint, q_e,
-                                       control_, extras_.monitor_weighing, fault_state_, late);
-    else
-      outcome = control(believed, settings_, setpoint, present, control_, weighing);
-    if (learns && monitored) {
-      for (int k = 0; k < nominal_.r; ++k)
-        if (late_.is(k)) present[dof(nominal_.mobility) + k] = late_.present[k];
-      cycle.gave_up = learn_monitored(*learner, present);
-    }
-    if (!extras_.law) control_.started = control_.started || outcome;
-    cycle.status = outcome.status;
-    return outcome || extras_.faults || extras_.safety ? Outcome{} : outcome;
-  }
+  Outcome run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cycle& cycle);
 
   /// `control` on the error of an own law: the law `joint` on readings that differ by it.
-  Outcome control_by_own_law(const Robot& believed, const Setpoint& setpoint, const Extended& q_e) {
-    Joint q{};
-    const Outcome outcome = command(believed, setpoint.x, q);
-    if (!outcome) return outcome;
-    const Joint error = extras_.law(setpoint.x, q_e);
-    Extended shown{};
-    for (int i = 0; i < dof(nominal_.mobility); ++i) shown[i] = q[i] - error[i];
-    return control(believed, settings_, setpoint, shown, control_);
-  }
+  Outcome control_by_own_law(const Robot& believed, const Setpoint& setpoint, const Extended& q_e);
 
   /// The law inside the safety shell. An own law is not called before it acts.
   Outcome run_safely(const Robot& believed, double time, const Setpoint& setpoint,
-                     const Extended& q_e, const Weighing& weighing, const SafetyRequests& request) {
-    const Safety& safety = *extras_.safety;
-    SafetyCycle cycle;
-    cycle.request = request;
-    if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++frame_;
-    cycle.counter = {safety.counted, frame_};
-    if (!extras_.law)
-      return control_safely(
-          believed, settings_, safety.limits, setpoint, q_e, control_, shell_, cycle, weighing,
-          {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
-           extras_.late ? &late_ : nullptr});
-    cycle.x = setpoint.x;
-    std::copy_n(q_e.begin(), dof(nominal_.mobility), cycle.q.begin());
-    const Pose pose = to_pose(nominal_.mobility, setpoint.x);
-    cycle.answer = command(believed, pose, cycle.q_d);
-    if (cycle.answer)
-      cycle.answer =
-          inverse_dynamics(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);
-    if (cycle.answer && shell_.follows) cycle.answer = control_by_own_law(believed, setpoint, q_e);
-    cycle.torque = control_.torque;
-    guard(believed, safety.limits, cycle, shell_);
-    return cycle.answer;
-  }
+                     const Extended& q_e, const Weighing& weighing, const SafetyRequests& request);
 
   /// Acknowledges and starts the safety shell of the robot at rest, until the law acts. The brakes
   /// hold the robot, so the plant's state, that of its noise included, is the same afterwards.
-  Outcome switch_on(const Setpoint& setpoint, Cycle& cycle) {
-    constexpr int kWaits = 48;  // cycles
-    const double longest = 1000 + extras_.safety->limits.brake / settings_.period;
-    Plant waits(plant_);
-    StopCause refused = StopCause::none;
-    for (int k = 0; k < longest && !shell_.follows; ++k) {
-      cycle.request = {k > kWaits, false, k >= kWaits};
-      const Outcome outcome = run_cycle(waits, -settings_.period, setpoint, cycle);
-      if (!outcome) return outcome;
-      if (refused == StopCause::none) refused = shell_.refused;
-    }
-    cycle.request = {};
-    if (shell_.cause == StopCause::none) shell_.cause = refused;
-    return {};
-  }
+  Outcome switch_on(const Setpoint& setpoint, Cycle& cycle);
 
-  Sample sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const {
-    Sample sample{time,         setpoint.x,     to_coordinates(nominal_.mobility, plant_.pose()),
-                  cycle.q_e,    control_.error, torque(),
-                  cycle.status, cycle.gave_up};
-    sample.stops = fault_state_.stops;
-    sample.brakes = brakes();
-    sample.warm = fault_state_.monitor.warm_up.warm;
-    if (extras_.safety) {
-      sample.safety = static_cast<int>(shell_.machine.state);
-      sample.cause = shell_.cause;
-      sample.part = shell_.part;
-    }
-    const MomentumObserver& observer = fault_state_.observer;
-    sample.disturbance = observer.disturbance;
-    sample.disturbed = observer.motor;
-    sample.size = observer.size;
-    sample.force = observer.force;
-    sample.refused = observer.refused;
-    for (int c = 0; c < dof(nominal_.mobility) + nominal_.r; ++c) {
-      sample.health[c] = fault_state_.monitor.reading[c].health;
-      sample.symptom[c] = fault_state_.monitor.reading[c].symptom;
-    }
-    return sample;
-  }
+  Sample sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const;
 
   /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled
   /// back, which changes the calibrated robot.
-  bool learn_monitored(OnlineCalibrator& learner, const Extended& q_e) {
-    const FaultMonitor& monitor = fault_state_.monitor;
-    const bool valid = std::ranges::all_of(monitor.reading, [](const MonitoredReading& reading) {
-      return reading.health == Health::valid;
-    });
-    if (valid) return calibrate_online(learner, q_e).status == Status::stopped;
-    if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
-    return learner.state.doubt.stopped;
-  }
+  bool learn_monitored(OnlineCalibrator& learner, const Extended& q_e);
 
   const Robot& nominal_;
   ControlSettings settings_;

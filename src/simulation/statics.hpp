@@ -1,8 +1,6 @@
 // Static equilibrium under a controller, without simulation of the motion.
 #pragma once
 
-#include <Eigen/LU>
-
 #include "control/control.hpp"
 #include "simulation/faults.hpp"
 #include "simulation/plant.hpp"
@@ -15,68 +13,6 @@ struct StaticsSettings {
   bool gravity = false;  ///< false: ê_q = 0
 };
 
-inline constexpr int kSettleIterations = 100;
-inline constexpr double kMostAmplified = 100;  ///< largest fault gain at a stable equilibrium
-
-namespace statics_detail {
-/// A PD controller at x_d under load: feed-forward, compliance, and the load's change.
-class Loaded {
-  using Matrix = Eigen::MatrixXd;
-
- public:
-  /// @return singular, or the outcome of a failed nominal model
-  Outcome set(const Robot& nominal, const ControlSettings& settings, const Reference& reference) {
-    const auto& J = reference.jacobians.J;
-    n = dof(nominal.mobility);
-    DynamicModel model;
-    const Outcome outcome = dynamic_model(nominal, reference.closure, Coordinates{}, model);
-    if (!outcome) return outcome;
-    if (settings.feed_forward != FeedForward::none)
-      feed_ = inverse_dynamics(model, J, Coordinates{});
-    Matrix stiffness = Matrix::Zero(n, n);
-    const auto M_q = joint_inertia(model, J);
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j)
-        if (settings.gains == Gains::inertia)
-          stiffness(i, j) = model.slope[i] * M_q[i][j] * settings.kp[j];
-        else if (i == j)
-          stiffness(i, i) = settings.kp[i];
-    yield_ = stiffness.inverse();
-    Matrix follows(n, n);  // ∂τ_hold/∂q
-    constexpr double kStep = 1e-5;
-    for (int j = 0; j < n; ++j) {
-      Joint torque[2];
-      bool both = true;
-      for (const double side : {-1.0, 1.0}) {
-        Coordinates step{};
-        for (int i = 0; i < n; ++i) step[i] = side * kStep * J[i][j];
-        both = hold(nominal, moved(nominal.mobility, reference.closure.pose, step),
-                    torque[side > 0]) &&
-               both;
-      }
-      for (int i = 0; i < n; ++i)  // at the edge of the workspace: 0
-        follows(i, j) = both ? (torque[1][i] - torque[0][i]) / (2 * kStep) : 0;
-    }
-    newton_ = (Matrix::Identity(n, n) + yield_ * follows).inverse();
-    return {};
-  }
-
-  /// Replaces ê_q by the motors' step that balances ê_q + kp⁻¹ (τ_ff - τ_hold).
-  void relieve(const Joint& load, Joint& error) const {
-    Eigen::VectorXd lack(n);
-    for (int i = 0; i < n; ++i) lack[i] = feed_[i] - load[i];
-    const Eigen::Map<Eigen::VectorXd> own(error.data(), n);
-    lack = newton_ * (own + yield_ * lack).eval();
-    std::copy_n(lack.data(), n, error.begin());
-  }
-
- private:
-  int n = 0;
-  Joint feed_{};
-  Matrix yield_, newton_;
-};
-}  // namespace statics_detail
-
 /// Computes the true robot's steady-state pose under the nominal controller at x_d, with
 /// unquantized readings. Quasi-Newton on ê_q with the nominal J: each step leaves the few per cent
 /// by which J differs. It includes the load's change: gravity may be stiffer than a soft PD.
@@ -85,61 +21,10 @@ class Loaded {
 /// @param off       offsets of the readings, for example from backlash
 /// @param faults    faults of the readings; not_converged where the robot would run away
 /// @param by_truth  out: whether the true robot, not the law, had no answer
-inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
-                      const Coordinates& x_d, Coordinates& x, const Weighing& known = {},
-                      const Extended& off = {}, bool* by_truth = nullptr,
-                      FaultyReadings* faults = nullptr) {
-  const int n = dof(nominal.mobility);
-  const Law law = settings.control.law;
-  const Scaled scaled(known, settings.control.sigma_scale);
-  const Weighing& weighing = scaled.weighing;
-  Reference reference;
-  Parasitic nearby, standing;  // full-level state at x_d, and at the true robot's pose
-  Outcome outcome =
-      refer(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
-  if (!outcome) return outcome;
-  const Outcome regular = outcome;
-  statics_detail::Loaded loaded;
-  if (settings.gravity) outcome = loaded.set(nominal, settings.control, reference);
-  if (!outcome) return outcome;
-
-  Pose pose = reference.closure.pose;
-  double last = INFINITY;
-  // The steps follow the robot's own approach, so a fault that reverses the feedback has no
-  // equilibrium. One that overstates the motion must not overshoot.
-  const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
-  const int iterations = static_cast<int>(most * kSettleIterations);
-  for (int iteration = 0; iteration < iterations; ++iteration) {
-    Extended q_e{};
-    Joint load{};
-    outcome = exact_readings(truth, pose, q_e, standing);
-    if (outcome && settings.gravity) outcome = hold(truth, pose, load);
-    if (by_truth) *by_truth = !outcome;
-    if (!outcome) return outcome;
-    for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
-    if (faults) faults->make_faulty(0, q_e);
-    Joint error{};
-    Pose found;
-    outcome = motor_error(nominal, law, reference, q_e, error, found, weighing, nearby);
-    if (!outcome) return outcome;
-    if (settings.gravity) loaded.relieve(load, error);
-    Coordinates step{};
-    double size = 0;
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j] / most;
-      size = std::max(size, std::fabs(step[i]));
-    }
-    if (!all_finite(step, n)) return {Status::not_finite, -1};
-    pose = moved(nominal.mobility, pose, step);
-    // Linear convergence: stop at rounding, or where small steps no longer shrink.
-    if (size < 1e-14 || (size < 1e-12 && size >= last)) {
-      x = to_coordinates(nominal.mobility, pose);
-      return regular;
-    }
-    last = size;
-  }
-  return {Status::not_converged, -1};
-}
+Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
+               const Coordinates& x_d, Coordinates& x, const Weighing& known = {},
+               const Extended& off = {}, bool* by_truth = nullptr,
+               FaultyReadings* faults = nullptr);
 
 /// Computes the cross-sensitivity of a robot's steady-state pose to errors of the readings:
 /// δx = leakage δq_e, n×(n + r), to first order; δx along the free twist.
@@ -148,36 +33,6 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 /// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] for the
 /// joint law, -J M⁺ for a TEJ, -∂x̂/∂q_e for a law of the pose; for `estimated` that is J times the
 /// weighted TEJ, the gain of the fused readings, as for `weighted`.
-inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
-                       const Weighing& weighing = {}) {
-  const int n = dof(robot.mobility);
-  constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
-  Reference reference;
-  const Outcome outcome =
-      refer(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
-  if (!outcome) return outcome;
-  leak = {};
-  const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
-  for (int c = 0; c < n + robot.r; ++c) {
-    if (of_pose) {
-      Coordinates change[2];
-      for (const double side : {-1.0, 1.0}) {
-        Extended q_e{};
-        q_e = reference.q_e;
-        q_e[c] += side * kStep;
-        Pose found;
-        const Outcome there = found_pose(robot, law, reference.closure.pose, q_e, found, weighing);
-        if (!there) return there;
-        change[side > 0] = difference(robot.mobility, found, reference.pose);
-      }
-      for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
-    } else if (properties(law).corrects == Corrects::motors) {
-      for (int i = 0; i < n && c < n; ++i) leak[i][c] = -reference.jacobians.J[i][c];
-    } else {
-      for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
-    }
-  }
-  return {};
-}
+Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
+                const Weighing& weighing = {});
 }  // namespace truepose

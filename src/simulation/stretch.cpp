@@ -1,20 +1,32 @@
 #include "simulation/stretch.hpp"
 
+#include "calibration/dense.hpp"
+
 namespace truepose {
-bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::VectorXd& T) {
-  const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> rods(G);
-  T = rods.solve(-w);
-  return rods.rank() == G.rows() && T.allFinite();
+namespace {
+/// Computes the smallest tensions T that hold w, G T = -w. @param G  each rod's row
+/// @return whether every load can be held
+bool held(const RowMatrix& G, const std::vector<double>& w, std::vector<double>& T) {
+  const SingularValues rods = singular_values(G);
+  T = transposed(rods.inverse()) * w;
+  for (double& tension : T) tension = -tension;
+  return rods.rank() == G.cols() && all_finite(T, G.rows());
 }
 
+/// A revolute motor's torque, by rate, against the weight of its arm and half of its rods.
+Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB) {
+  return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity.dot(dB);
+}
+
+/// Ideal level.
 Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull) {
   const int n = dof(robot.mobility);
-  Eigen::MatrixXd G(n, n);
-  Eigen::VectorXd w = Eigen::VectorXd::Zero(n), T;
+  RowMatrix G(n, n);
+  std::vector<double> w(n), T;
   Coordinates row;
   const auto hang = [&](const Vec3& force, const Vec3& lever) {
     free_row(at.carried, force, lever.cross(force), row.data());
-    w += Eigen::Map<const Eigen::VectorXd>(row.data(), n);
+    add_scaled(n, 1, row.data(), w.data());
   };
   hang(load.force, Vec3::Zero());
   for (int k = 0; k < robot.bodies; ++k)
@@ -23,7 +35,7 @@ Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull
     const ChainState& chain = at.chain[i];
     hang(0.5 * robot.chain[i].rod_mass * robot.gravity, chain.lever);
     jx_row(at.carried, chain.v, chain.lever, row.data());
-    G.col(i) = Eigen::Map<const Eigen::VectorXd>(row.data(), n) / chain.v.norm();
+    add_scaled(n, 1 / chain.v.norm(), row.data(), G[i]);
   }
   if (!held(G, w, T)) return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
@@ -38,12 +50,13 @@ Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull
   return {};
 }
 
+/// Full level.
 Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& pull) {
   const int n = dof(robot.mobility), N = rods_of(robot);
   const bool together = bars_together(robot, robot.full.bars);
   const Mat3& R = at.pose.R;
-  Eigen::MatrixXd G(robot.full.unknowns, N);
-  Eigen::VectorXd w = Eigen::VectorXd::Zero(8), T;
+  RowMatrix G(N, robot.full.unknowns);
+  std::vector<double> w(8), T;
   const auto hang = [&](const Vec3& force, const Vec3& pivot, const Vec3& arm, int bar) {
     const Vec3 moment = (pivot + arm).cross(force);
     for (int k = 0; k < 3; ++k) {
@@ -65,9 +78,10 @@ Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& 
     std::array<Real, kMaxUnknowns> row;
     full_row(robot, at, rod, row);
     if (together) row[6] += row[7];
-    G.col(rod) = Eigen::Map<const Eigen::VectorXd>(row.data(), G.rows()) / at.v[rod].norm();
+    add_scaled(G.cols(), 1 / at.v[rod].norm(), row.data(), G[rod]);
   }
-  if (!held(G, w.head(G.rows()), T)) return {Status::singular, -1};
+  w.resize(G.cols());
+  if (!held(G, w, T)) return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
     Real of[2] = {T[2 * i], T[2 * i + 1]}, sum = of[0] + of[1];
     if (!std::isnan(load.tension[i])) {
@@ -89,9 +103,11 @@ Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& 
   return {};
 }
 
-Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by) {
+}  // namespace
+
+Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by) {
   if (!robot.finished) return {Status::unfinished, -1};
-  if (full && robot.full.own()) {
+  if (level == Level::full && robot.full.own()) {
     FullClosure at;
     const Outcome outcome = ikm_full(robot, pose, at);
     return outcome ? pull(robot, at, load, by) : outcome;
@@ -101,16 +117,16 @@ Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, 
   return outcome ? pull(robot, at, load, by) : outcome;
 }
 
-Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Pose& pose,
-                   const Joint& compliance, const Joint& arms, const Load& load, double* H_xi,
-                   UnderLoad& result) {
+Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Joint& compliance,
+                   const Joint& arms, const Load& load, double* H_xi, UnderLoad& result) {
+  const int n = dof(robot.mobility);
   Pull by;
-  Outcome outcome = pull(robot, pose, full, load, by);
+  Outcome outcome = pull(level, robot, pose, load, by);
   if (!outcome) return outcome;
   // A leg's length is its motor's: growth at the same reading acts like an offset.
   const auto telescopic = [&](int i) { return robot.chain[i].actuator == Actuator::telescopic; };
   Robot longer = robot;
-  for (int i = 0; i < model.n; ++i) {
+  for (int i = 0; i < n; ++i) {
     Chain& chain = longer.chain[i];
     const double length = compliance[i] * by.length[i];
     (telescopic(i) ? chain.encoder_offset : chain.rod) +=
@@ -121,15 +137,15 @@ Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Po
   }
   PoseRows H_x;
   Parasitic rest;
-  outcome = model.linearise(longer, pose, result.q_e, H_x, H_xi, rest);
+  outcome = linearise(level, longer, pose, result.q_e, H_x, H_xi, rest);
   if (!outcome) return outcome;
   result.tension = by.tension;
-  for (int c = 0; c < model.n + robot.r; ++c) {
+  for (int c = 0; c < n + robot.r; ++c) {
     const double* H = H_xi + c * parameter_count(robot);
     const auto along = [&](int i, ChainParameter parameter) {
       return H[chain_column(i) + static_cast<int>(parameter)];
     };
-    for (int i = 0; i < model.n; ++i)
+    for (int i = 0; i < n; ++i)
       result.by_compliance[c][i] =
           (telescopic(i) ? along(i, ChainParameter::encoder_offset) * by.length[i] / by.rate[i]
                          : along(i, ChainParameter::rod) * by.length[i]) +

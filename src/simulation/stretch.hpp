@@ -15,11 +15,9 @@
 //     τ_i = Σ T_k v_k/|v_k| · ∂B_i/∂p - (m_arm + m_rods)/2 g · ∂B_i/∂p
 #pragma once
 
-#include <Eigen/QR>
 #include <limits>
 
-#include "calibration/dense.hpp"
-#include "calibration/kernel_table.hpp"
+#include "mechanism/full_linearise.hpp"
 
 namespace truepose {
 /// Load on a robot's rods, in addition to its weight.
@@ -43,22 +41,10 @@ struct Pull {
   Joint torque{};      ///< of its motor, N·m or N
 };
 
-/// Computes the smallest tensions T that hold w, G T = -w. @return whether every load can be held
-bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::VectorXd& T);
-
-/// Returns a revolute motor's torque, by rate, against the weight of its arm and half of its rods.
-inline Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB) {
-  return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity.dot(dB);
-}
-
-/// Ideal level. @return singular where the rods hold nothing along some freedom
-Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull);
-
-/// Full level; a pair shares a measured tension with the difference that holds the load.
-Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& pull);
-
-/// At a pose held by the motors, at either level.
-Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by);
+/// At a pose held by the motors. At the full level a pair shares a measured tension with the
+/// difference that holds the load.
+/// @return singular where the rods hold nothing along some freedom
+Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by);
 
 /// Readings of a robot under load at a pose.
 struct UnderLoad {
@@ -69,11 +55,9 @@ struct UnderLoad {
 };
 
 /// Computes the readings under load and their derivatives by compliance.
-/// @param full        level of `model`
 /// @param compliance  of every chain, 1/N
 /// @param arms        compliance of every arm, rad/(N·m)
 /// @param H_xi        work space, (n + r) × parameter_count
-Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Pose& pose,
-                   const Joint& compliance, const Joint& arms, const Load& load, double* H_xi,
-                   UnderLoad& result);
+Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Joint& compliance,
+                   const Joint& arms, const Load& load, double* H_xi, UnderLoad& result);
 }  // namespace truepose

@@ -5,6 +5,7 @@
 // by chance. All are without friction and with two sensors defined, the first one in use.
 #pragma once
 
+#include <functional>
 #include <numbers>
 
 #include "check.hpp"
@@ -30,53 +31,19 @@ struct Mechanism {
 };
 
 inline double degrees(double angle) { return angle * std::numbers::pi / 180; }
-inline Vec3 polar(double radius, double angle, double z = 0) {
-  return {radius * std::cos(degrees(angle)), radius * std::sin(degrees(angle)), z};
-}
+Vec3 polar(double radius, double angle, double z = 0);
 
 /// Plausible knowledge of a robot, every σ of its own size: all lengths and angles of the chains
 /// that the ideal level sees, and the sensors' offsets. Owns the memory that it lends.
 class Prior {
  public:
-  explicit Prior(const Robot& robot) {
-    std::vector<double> sigma;
-    for (int i = 0; i < dof(robot.mobility); ++i)
-      for (int k = 0; k < static_cast<int>(ChainParameter::rod_difference); ++k) {
-        column_.push_back(chain_column(i) + k);
-        sigma.push_back(1e-4 * (1 + (3 * i + k) % 5));
-      }
-    for (int k = 0; k < robot.r; ++k) {
-      column_.push_back(sensor_column(robot, k));
-      sigma.push_back(2e-4);
-    }
-    const int p = static_cast<int>(sigma.size());
-    root_.resize(p * p);
-    for (int k = 0; k < p; ++k) root_[k * p + k] = sigma[k];
-    known_ = {p, column_.data(), root_.data(), {}};
-    known_.sigma.fill(1e-5);
-    work_.resize(estimate_work(robot, p));
-  }
+  explicit Prior(const Robot& robot);
   Prior(const Prior&) = delete;
   Prior& operator=(const Prior&) = delete;
   Knowledge& known() { return known_; }
   Weighing weighing() { return {&known_, work_.data()}; }
   /// What starts from here and learns; one at a time.
-  OnlineCalibrator learner(const Robot& robot) {
-    xi_.resize(parameter_count(robot));
-    if (!drawn_parameters(robot, xi_.data())) std::printf("a robot that is not finished learns\n");
-    filter_.resize(online_work(robot, known_.count));
-    drift_.assign(2 * known_.count, 1e-7);
-    OnlineCalibrator learner;
-    learner.drawn = &robot;
-    learner.settings = {2, drift_.data()};
-    kept_.resize(online_kept(known_.count));
-    learner.state = {known_.count, column_.data(), xi_.data(), root_.data(), known_.sigma, 0,
-                     kept_.data()};
-    learner.work = filter_.data();
-    learner.robot = robot;
-    learner.pose = to_pose(robot.mobility, robot.home);
-    return learner;
-  }
+  OnlineCalibrator learner(const Robot& robot);
 
  private:
   std::vector<int> column_;
@@ -85,280 +52,42 @@ class Prior {
 };
 
 /// A telemeter along a line through `origin`, towards a plane of the nacelle.
-inline Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target,
-                        const Vec3& normal) {
-  Sensor sensor;
-  sensor.kind = SensorKind::plane_distance;
-  sensor.origin = origin;
-  sensor.direction = direction.normalized();
-  sensor.target = target;
-  sensor.normal = normal.normalized();
-  return sensor;
-}
+Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target, const Vec3& normal);
 
-inline void complete(Mechanism& mechanism) {
-  Robot& robot = mechanism.robot;
-  robot.chains = robot.motors = dof(robot.mobility);
-  robot.r = 1;
-  if (robot.mobility == Mobility::planar_translation || robot.mobility == Mobility::planar) {
-    robot.gravity = Vec3(0, -9.81, 0);  // standing upright, so that weight matters
-    robot.sensor[0] = robot.sensor[1] =
-        telemeter({-0.6, 0.05, 0}, {1, 0.1, 0}, {0.03, 0.01, 0}, {1, -0.2, 0});
-    if (robot.mobility == Mobility::planar_translation)
-      robot.sensor[1] = telemeter({0.1, -0.5, 0}, {0.1, 1, 0}, {0.03, 0.01, 0}, {0.3, 1, 0});
-    else
-      robot.sensor[0] = Sensor{};
-  } else {
-    robot.sensor[0] = telemeter({0.02, 0.01, 0}, {0.1, 0, -1}, {0.03, 0.01, 0.02}, {0.05, 0.1, 1});
-    robot.sensor[1] = telemeter({-0.6, 0.05, -0.4}, {1, 0.1, 0.1}, {0.03, 0.01, 0}, {1, -0.2, 0.1});
-    if (robot.mobility == Mobility::schoenflies) robot.sensor[0] = Sensor{};
-  }
-  Outcome outcome = finish(robot);
-  if (outcome) outcome = finish_full(robot);
-  if (!outcome) std::printf("%s: home is %s\n", mechanism.name, describe(outcome.status));
-}
+void complete(Mechanism& mechanism);
 
-inline void add_body(Robot& robot, double mass, const Vec3& pivot, const Vec3& anchor,
-                     const Vec3& inertia) {
-  Body& body = robot.body[robot.bodies++];
-  body.mass = mass;
-  body.pivot = pivot;
-  body.anchor = anchor;
-  for (int i = 0; i < 3; ++i) body.inertia(i, i) = inertia[i];
-}
+void add_body(Robot& robot, double mass, const Vec3& pivot, const Vec3& anchor,
+              const Vec3& inertia);
 
-inline void set_masses(Chain& chain, double drive, double arm, double rod) {
-  chain.drive_inertia = drive;
-  chain.arm_mass = arm;
-  chain.rod_mass = rod;
-}
+void set_masses(Chain& chain, double drive, double arm, double rod);
 
 /// Makes the chain a spatial parallelogram, drawn as its axis stands now.
-inline void set_pair(Chain& chain, int bar = -1) {
-  chain.bar = bar;
-  chain.rod_spacing = 0.08;
-  chain.pair_axis = chain.axis.cross(chain.zero);  // of a carriage: across rail and rod
-  chain.pair_drawn = pair_direction(chain);
-}
+void set_pair(Chain& chain, int bar = -1);
 
-inline Mechanism h4() {
-  constexpr double l = 0.26, L = 0.48, R = 0.14, d = 0.06, h = 0.06;
-  Mechanism mechanism{"H4", {}, {0.1, 0.1, 0.05, std::numbers::pi / 6}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::schoenflies;
-  const Vec3 bases[]{{h + R, d, 0}, {-(h + R), d, 0}, {-h, -(d + R), 0}, {h, -(d + R), 0}};
-  const Vec3 axes[]{{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {1, 0, 0}};
-  const Vec3 zeros[]{{1, 0, 0}, {-1, 0, 0}, {0, -1, 0}, {0, -1, 0}};
-  for (int i = 0; i < 4; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.base = bases[i];
-    chain.axis = axes[i];
-    chain.zero = zeros[i];
-    chain.arm = l;
-    chain.rod = L;
-    chain.pivot = Vec3(i == 0 || i == 3 ? h : -h, 0, 0);
-    chain.anchor = Vec3(0, i < 2 ? d : -d, 0);
-    set_pair(chain, i == 0 || i == 3 ? 0 : 1);
-    set_masses(chain, 0.017, 0.30, 0.10);
-  }
-  add_body(robot, 0.60, Vec3::Zero(), Vec3::Zero(), {0, 0, 0.00156});
-  add_body(robot, 0.20, Vec3(h, 0, 0), Vec3::Zero(), Vec3::Zero());
-  add_body(robot, 0.20, Vec3(-h, 0, 0), Vec3::Zero(), Vec3::Zero());
-  robot.home = {0, 0, -0.4, 0};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism h4();
 
-inline Mechanism five_bar() {
-  Mechanism mechanism{"5-bar", {}, {0.06, 0.05}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::planar_translation;
-  const Vec3 bases[]{{-0.15, 0, 0}, {0.17, 0.01, 0}};
-  for (int i = 0; i < 2; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.base = bases[i];
-    chain.axis = Vec3::UnitZ();
-    chain.zero = Vec3::UnitX();
-    chain.arm = 0.20 + 0.01 * i;
-    chain.rod = 0.30 - 0.01 * i;
-    chain.working_mode = i == 0 ? 1 : -1;
-    chain.encoder_offset = 0.1 - 0.3 * i;
-    set_masses(chain, 0.002, 0.3, 0.2);
-  }
-  add_body(robot, 0.5, Vec3::Zero(), Vec3::Zero(), Vec3::Zero());
-  robot.home = {0.01, 0.33};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism five_bar();
 
-inline Mechanism planar(const char* name, Actuator actuator) {
-  Mechanism mechanism{name, {}, {0.04, 0.04, 0.2}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::planar;
-  for (int i = 0; i < 3; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.actuator = actuator;
-    chain.base = polar(0.40 + 0.01 * i, 90 + 120 * i);
-    chain.axis = Vec3::UnitZ();
-    chain.zero = Vec3::UnitX();
-    chain.arm = 0.20 + 0.005 * i;
-    chain.rod = 0.26 - 0.004 * i;
-    chain.pivot =
-        polar(0.12 + 0.01 * i, actuator == Actuator::telescopic ? 190 + 115 * i : 90 + 120 * i);
-    set_masses(chain, actuator == Actuator::telescopic ? 0.5 : 0.002, 0.3, 0.2);
-  }
-  add_body(robot, 0.8, Vec3(0.01, 0.02, 0), Vec3::Zero(), {0, 0, 0.004});
-  robot.home = {0.01, 0.02, 0.1};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism planar(const char* name, Actuator actuator);
 
 /// A 3-RPR of similar triangles: wherever θ is 0 its legs meet in one point, a singularity of
 /// type 2.
-inline Robot meeting_legs() {
-  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
-  for (int i = 0; i < 3; ++i) {
-    robot.chain[i].base = polar(0.4, 90 + 120 * i);
-    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
-  }
-  return robot;
-}
+Robot meeting_legs();
 
-inline Mechanism delta() {
-  Mechanism mechanism{"Delta", {}, {0.12, 0.12, 0.08}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::translation;
-  for (int i = 0; i < 3; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.zero = polar(1, 119 * i);
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
-    chain.base = 0.2 * chain.zero + Vec3(0, 0, 0.005 * i);
-    chain.arm = 0.3 + 0.004 * i;
-    chain.rod = 0.7 - 0.005 * i;
-    chain.pivot = polar(0.05, 120 * i);
-    set_pair(chain);
-    set_masses(chain, 0.02, 0.4, 0.15);
-  }
-  add_body(robot, 1, Vec3(0, 0, -0.02), Vec3::Zero(), Vec3::Zero());
-  robot.home = {0.02, 0.01, -0.6};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism delta();
 
-inline Mechanism linear_delta() {
-  Mechanism mechanism{"linear Delta", {}, {0.1, 0.1, 0.1}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::translation;
-  for (int i = 0; i < 3; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.actuator = Actuator::prismatic;
-    chain.base = polar(0.35 + 0.01 * i, 30 + 120 * i);
-    chain.axis = (Vec3::UnitZ() + polar(0.1, 20 + 100 * i)).normalized();  // rails lean a little
-    chain.zero = chain.axis.cross(polar(1, 120 + 120 * i)).normalized();
-    chain.rod = 0.6 - 0.01 * i;
-    chain.working_mode = 1;  // carriages above the nacelle
-    chain.pivot = polar(0.06, 30 + 120 * i);
-    set_pair(chain);
-    chain.encoder_offset = 0.02 * i;
-    set_masses(chain, 0.3, 0.5, 0.2);
-  }
-  add_body(robot, 1.5, Vec3(0, 0, -0.02), Vec3::Zero(), Vec3::Zero());
-  robot.home = {0.02, -0.01, -0.5};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism linear_delta();
 
-inline Mechanism par4() {
-  Mechanism mechanism{"Par4", {}, {0.12, 0.12, 0.06, 0.4}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::schoenflies;
-  for (int i = 0; i < 4; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.zero = polar(1, 45 + 90 * i + 2 * (i % 3));
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
-    chain.base = 0.275 * chain.zero;
-    chain.arm = 0.375 + 0.002 * i;
-    chain.rod = 0.8 + 0.003 * i;
-    chain.pivot = Vec3(i == 0 || i == 3 ? 0.08 : -0.08, 0, 0.004 * i);
-    chain.anchor = Vec3(0, i < 2 ? 0.06 : -0.06, 0);
-    set_pair(chain, i == 0 || i == 3 ? 0 : 1);
-    set_masses(chain, 0.02, 0.4, 0.2);
-  }
-  robot.bar_joint = BarJoint::four_bar;
-  add_body(robot, 0.7, Vec3(0.01, 0, 0), Vec3::Zero(), {0, 0, 0.004});
-  add_body(robot, 0.25, Vec3(0.08, 0, 0), Vec3(0, 0.01, 0), Vec3::Zero());
-  add_body(robot, 0.25, Vec3(-0.08, 0, 0), Vec3::Zero(), Vec3::Zero());
-  robot.home = {0.02, -0.01, -0.65, 0.1};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism par4();
 
 /// Six chains between neighbouring points of two hexagons: 6-UPS and 6-RUS.
-inline Mechanism hexapod(const char* name, Actuator actuator) {
-  Mechanism mechanism{name, {}, {0.06, 0.06, 0.06, 0.15, 0.15, 0.15}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::spatial;
-  constexpr double base[]{-15, 15, 105, 135, 225, 255}, nacelle[]{-45, 45, 75, 165, 195, 285};
-  for (int i = 0; i < 6; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.actuator = actuator;
-    chain.base = polar(0.35 + 0.004 * i, base[i] + i, 0.003 * i);
-    chain.zero = polar(1, base[i] + i);
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
-    chain.arm = 0.25 + 0.002 * i;
-    chain.rod = 0.6 - 0.003 * i;
-    chain.pivot = polar(0.18 + 0.003 * i, nacelle[i] - 2 * i, 0.01 + 0.002 * i);
-    set_masses(chain, actuator == Actuator::telescopic ? 0.8 : 0.02, 0.4, 0.25);
-  }
-  add_body(robot, 2, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.02, 0.025, 0.03});
-  robot.body[0].inertia(0, 1) = robot.body[0].inertia(1, 0) = 0.002;
-  robot.home = {0.01, -0.02, -0.55, 0.03, -0.02, 0.05};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism hexapod(const char* name, Actuator actuator);
 
 /// Six carriages on three pairs of horizontal rails along x.
-inline Mechanism hexaglide() {
-  Mechanism mechanism{"Hexaglide", {}, {0.08, 0.06, 0.06, 0.12, 0.12, 0.12}};
-  Robot& robot = mechanism.robot;
-  robot.mobility = Mobility::spatial;
-  constexpr double y[]{-0.32, -0.30, 0.02, -0.02, 0.30, 0.33};
-  const Vec3 pivots[]{{-0.15, -0.15, 0},   {-0.06, -0.09, 0.01}, {0.09, 0.06, 0},
-                      {0.15, -0.06, 0.01}, {-0.09, 0.06, 0},     {0.09, 0.12, 0.01}};
-  for (int i = 0; i < 6; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.actuator = Actuator::prismatic;
-    chain.base = Vec3(0.01 * i, y[i], 0);
-    chain.axis = (Vec3::UnitX() + Vec3(0, 0.01 * i, -0.01)).normalized();
-    chain.rod = 0.7 - 0.004 * i;
-    chain.working_mode = i % 2 == 0 ? 1 : -1;
-    chain.pivot = pivots[i];
-    set_masses(chain, 0.3, 0.8, 0.25);
-  }
-  add_body(robot, 2, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.02, 0.025, 0.03});
-  robot.home = {0.02, 0.01, -0.45, 0.02, -0.03, 0.04};
-  complete(mechanism);
-  return mechanism;
-}
+Mechanism hexaglide();
 
 /// Calls f(mechanism) for each that no passive axes carry (theirs: rotational.hpp).
-template <class F>
-void for_each(F&& f) {
-  static const std::vector<Mechanism> all{h4(),
-                                          five_bar(),
-                                          planar("3-RRR", Actuator::revolute),
-                                          planar("3-RPR", Actuator::telescopic),
-                                          delta(),
-                                          linear_delta(),
-                                          par4(),
-                                          hexapod("6-UPS", Actuator::telescopic),
-                                          hexapod("Hexa", Actuator::revolute),
-                                          hexaglide()};
-  for (const Mechanism& mechanism : all) {
-    check::state().scene = mechanism.name;
-    f(mechanism);
-  }
-}
+void for_each(const std::function<void(const Mechanism&)>& f);
 
 /// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
 /// mobility K, its n freedoms and its mechanism.
@@ -374,13 +103,7 @@ void for_each(F&& f) {
                                           [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
 
 /// Calls f(mechanism, level) for each at its levels.
-template <class F>
-void for_each_model(F&& f) {
-  for_each([&](const Mechanism& mechanism) {
-    f(mechanism, Level::ideal);
-    if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, Level::full);
-  });
-}
+void for_each_model(const std::function<void(const Mechanism&, Level)>& f);
 
 /// A statement about each robot at its levels. Its body has K, n, the level and the mechanism.
 #define TEST_MODELS(statement)                                                                 \
@@ -396,45 +119,18 @@ void for_each_model(F&& f) {
                                           [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
 
 /// A random pose of the box, shrunk by `part`.
-inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
-  Coordinates x = mechanism.robot.home;
-  for (int i = 0; i < dof(mechanism.robot.mobility); ++i)
-    x[i] += part * mechanism.box[i] * random();
-  return x;
-}
+Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1);
 
 /// x moved by `size` metres and radians in every freedom, up or down.
-inline Pose nearby(Mobility K, const Pose& pose, check::Random& random, double size) {
-  Coordinates step{};
-  for (int i = 0; i < dof(K); ++i) step[i] = random() < 0 ? -size : size;
-  return moved(K, pose, step);
-}
+Pose nearby(Mobility K, const Pose& pose, check::Random& random, double size);
 
 /// What a robot reads at a pose.
-inline Extended readings_at(const Robot& robot, const Pose& pose) {
-  Extended q_e{};
-  CHECK(extended(robot, pose, q_e));
-  return q_e;
-}
-inline Extended readings_at(const Robot& robot, const Coordinates& x) {
-  return readings_at(robot, to_pose(robot.mobility, x));
-}
+Extended readings_at(const Robot& robot, const Pose& pose);
+Extended readings_at(const Robot& robot, const Coordinates& x);
 
-inline Joint random_joint(check::Random& random, double size) {
-  Joint values{};
-  for (double& value : values) value = size * random();
-  return values;
-}
+Joint random_joint(check::Random& random, double size);
 
 /// Largest entry of the difference of two poses.
-inline double distance(Mobility K, const Pose& a, const Pose& b) {
-  const Coordinates step = difference(K, a, b);
-  double largest = 0;
-  for (int i = 0; i < dof(K); ++i) {
-    if (std::isnan(step[i])) return INFINITY;
-    largest = std::max(largest, std::fabs(step[i]));
-  }
-  return largest;
-}
+double distance(Mobility K, const Pose& a, const Pose& b);
 
 }  // namespace mechanisms

@@ -11,20 +11,7 @@
 namespace mechanisms {
 
 /// The robot with counts on its encoders and torque limits of several times its weight.
-inline Robot limited_robot(const Mechanism& mechanism) {
-  Robot robot = mechanism.robot;
-  ControlSettings one;
-  Joint weight{};
-  CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
-  CHECK(hold(robot, to_pose(robot.mobility, robot.home), weight));
-  for (int i = 0; i < dof(robot.mobility); ++i) {
-    const bool turns = robot.chain[i].actuator == Actuator::revolute;
-    robot.chain[i].torque_limit = 4 * std::fabs(weight[i]) + (turns ? 600 : 200) * one.kp[i];
-    robot.chain[i].encoder_step = turns ? 2 * std::numbers::pi / 14400 : 1e-5;
-  }
-  for (int k = 0; k < robot.r; ++k) robot.sensor[k].step = 1e-5;
-  return robot;
-}
+Robot limited_robot(const Mechanism& mechanism);
 
 /// What the true robot has beyond the nominal one; by default nothing.
 struct Reality {
@@ -33,97 +20,28 @@ struct Reality {
   double ripple = 0;    ///< of their torque
 };
 
-inline Robot true_robot(Robot robot, const Reality& reality) {
-  for (int i = 0; i < robot.motors; ++i) robot.chain[i].rod += reality.length * (i % 3 - 1);
-  return robot;
-}
+Robot true_robot(Robot robot, const Reality& reality);
 
-inline Effects effects_of(const Robot& robot, const Reality& reality) {
-  Effects effects;
-  for (int i = 0; i < robot.motors; ++i)
-    effects.friction[i] = reality.friction * robot.chain[i].torque_limit;
-  effects.ripple = reality.ripple;
-  return effects;
-}
+Effects effects_of(const Robot& robot, const Reality& reality);
 
 /// One robot, its controller and shell.
 struct Bench {
   using Spoil = std::function<void(Extended& q_e, SafetyCycle& cycle, Setpoint& setpoint)>;
 
   explicit Bench(const Mechanism& mechanism, Law law = Law::joint, FeedForward forward = {},
-                 const Reality& reality = {})
-      : K(mechanism.robot.mobility),
-        n(dof(K)),
-        robot(limited_robot(mechanism)),
-        truth(true_robot(robot, reality)),
-        prior(robot),
-        plant(truth, effects_of(robot, reality), to_pose(K, robot.home), 1),
-        from(robot.home),
-        to(robot.home) {
-    settings = settings_for(robot, law);
-    if (forward != FeedForward{}) settings.feed_forward = forward;
-    CHECK(default_limits(robot, settings, limits));
-    CHECK(plant.rest());
-  }
+                 const Reality& reality = {});
 
   /// One cycle; checks what must hold in every one.
-  void cycle(const Spoil& spoil = {}) {
-    Setpoint setpoint = clock.paced(quintic(K, from, to, duration, clock.time));
-    Extended q_e{};
-    CHECK(plant.measure(q_e));
-    SafetyCycle now;
-    now.counter = {true, ++frame};
-    now.request = request;
-    if (spoil) spoil(q_e, now, setpoint);
-    const Joint before = shell.torque;
-    static_cast<void>(control_safely(robot, settings, limits, setpoint, q_e, state, shell, now,
-                                     prior.weighing(), monitored));
-    for (int i = 0; i < n; ++i) {
-      CHECK(std::fabs(shell.torque[i]) <= limits.torque[i]);
-      CHECK(std::fabs(shell.torque[i] - before[i]) <= limits.slew[i] * limits.period * (1 + 1e-9));
-    }
-    ran = ran || shell.follows;
-    if (shell.follows) clock.advance(settings.period, shell.path_stop);
-    if (!ran) return;  // its brakes hold it
-    plant.brake(shell.brakes, settings.period);
-    CHECK(plant.advance(shell.torque, settings.period, 2));
-  }
+  void cycle(const Spoil& spoil = {});
   /// Cycles until a condition holds. @return their number; -1: more than `most`
-  template <class Until>
-  int cycles(int most, Until&& until, const Spoil& spoil = {}) {
-    for (int k = 0; k <= most; ++k) {
-      if (until()) return k;
-      cycle(spoil);
-    }
-    return -1;
-  }
-  void run_for(int count, const Spoil& spoil = {}) {
-    for (int k = 0; k < count; ++k) cycle(spoil);
-  }
+  int cycles(int most, const std::function<bool()>& until, const Spoil& spoil = {});
+  void run_for(int count, const Spoil& spoil = {});
 
   /// From switching on to the law in action.
-  void begin() {
-    run_for(10);
-    request.acknowledge = true;
-    cycle();
-    CHECK(shell.machine.state == SafetyState::ready);
-    request.start = true;
-    CHECK(cycles(60, [&] { return shell.follows; }) > 0);
-    CHECK(shell.brakes == 0);
-    request = {};
-  }
+  void begin();
   /// A move of the whole robot, whose clock begins now.
-  void move(const Coordinates& target, double time) {
-    from = clock.time > 0 ? to : robot.home;
-    to = target;
-    duration = time;
-    clock = {};
-  }
-  double travelled(const Pose& since) const {
-    double sum = 0;
-    for (int j = 0; j < positions_of(K); ++j) sum += std::pow(plant.pose().D[j] - since.D[j], 2);
-    return std::sqrt(sum);
-  }
+  void move(const Coordinates& target, double time);
+  double travelled(const Pose& since) const;
   /// Nothing has stopped it.
   bool healthy() const { return shell.machine.state == SafetyState::running && shell.causes == 0; }
 

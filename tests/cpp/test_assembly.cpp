@@ -1,7 +1,4 @@
 // Assembly modes: grouping of poses into modes, and their order.
-#include <Eigen/Core>
-
-#include "calibration/dense.hpp"
 #include "mechanisms.hpp"
 #include "simulation/assembly.hpp"
 
@@ -9,7 +6,12 @@ using namespace mechanisms;
 
 namespace {
 
-Eigen::Vector3d vector(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+/// The largest of the first entries.
+double largest(const Vec3& v, int count = 3) {
+  double most = 0;
+  for (int axis = 0; axis < count; ++axis) most = std::max(most, std::fabs(v[axis]));
+  return most;
+}
 
 }  // namespace
 
@@ -38,8 +40,7 @@ TEST_EACH(for_each, "the mode nearest to home is told first") {
   const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
   CHECK(modes.size() == 20);
   const auto from_home = [&](const Pose& at) {
-    return std::max((vector(at.D) - vector(home.D)).cwiseAbs().maxCoeff(),
-                    dense(at.R - home.R).norm());
+    return std::max(largest(at.D - home.D), (at.R - home.R).norm());
   };
   for (std::size_t k = 1; k < modes.size(); ++k)
     CHECK(from_home(modes[k - 1].pose) <= from_home(modes[k].pose));
@@ -52,20 +53,21 @@ TEST_EACH(for_each, "every start is one from which the rods can reach") {
   const Joint q = closure.q();
   const auto starts = random_starts(robot, q, 200, 3), again = random_starts(robot, q, 200, 3);
   CHECK(starts.size() == 201);
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY), high = -low;
+  Vec3 low(INFINITY, INFINITY, INFINITY), high = -low;
   for (std::size_t k = 1; k < starts.size(); ++k) {
-    CHECK(vector(starts[k].D) == vector(again[k].D) && dense(starts[k].R) == dense(again[k].R));
-    low = low.cwiseMin(vector(starts[k].D)), high = high.cwiseMax(vector(starts[k].D));
+    CHECK((starts[k].D - again[k].D).norm() == 0 && (starts[k].R - again[k].R).norm() == 0);
+    for (int axis = 0; axis < 2; ++axis) {
+      low[axis] = std::min(low[axis], starts[k].D[axis]);
+      high[axis] = std::max(high[axis], starts[k].D[axis]);
+    }
     for (int i = 0; i < n; ++i) {
       const Driven at = driven_point(robot.chain[i], q[i]);
       const Vec3 centre = robot.chain[i].base + at.p - robot.chain[i].anchor;
-      const Eigen::Vector3d apart = vector(starts[k].D - centre);
       const int axes = dof(robot.mobility) == 2 || robot.mobility == Mobility::planar ? 2 : 3;
-      CHECK(apart.head(axes).cwiseAbs().maxCoeff() <= at.rod + robot.chain[i].pivot.norm() + 1e-12);
+      CHECK(largest(starts[k].D - centre, axes) <= at.rod + robot.chain[i].pivot.norm() + 1e-12);
     }
   }
   // Home has starts on all its sides.
-  const Eigen::Vector3d home = vector(to_pose(K, robot.home).D);
-  CHECK((low.head<2>().array() < home.head<2>().array()).all());
-  CHECK((high.head<2>().array() > home.head<2>().array()).all());
+  const Vec3 home = to_pose(K, robot.home).D;
+  for (int axis = 0; axis < 2; ++axis) CHECK(low[axis] < home[axis] && high[axis] > home[axis]);
 }

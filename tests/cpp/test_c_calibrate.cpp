@@ -74,9 +74,8 @@ TEST("a calibration in C has the core's parameters, covariance, poses and status
       log.measured = bench.log.measured, log.measured_sigma = sigma.data();
       CalibrationSettings settings;
       settings.loss = static_cast<Loss>(loss), settings.tuning = std::array{0., 1., 4.}[loss];
-      const Kernels model = kernels(K);
       const CalibrationResult core =
-          Calibrator(bench.robot, model, bench.known, xi, log, settings).run();
+          calibrate(Level::ideal, bench.robot, bench.known, xi, log, settings);
       CHECK(core.outcome);
       for (int k = 0; k < bench.p; ++k) CHECK(bench.value[k] == core.xi[bench.known.column[k]]);
       CHECK(std::equal(bench.covariance.begin(), bench.covariance.end(), core.covariance.data()));

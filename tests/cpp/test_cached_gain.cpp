@@ -1,9 +1,8 @@
 // The cached gain matrix. As consistent as fresh ones anywhere,
 // the same where they are fresh, and as good as they claim in between.
-#include <Eigen/LU>
-
 #include "control/fault_tolerant_control.hpp"
 #include "mechanisms.hpp"
+#include "reference.hpp"
 
 using namespace truepose;
 
@@ -72,7 +71,7 @@ struct Scene {
   ReadingCovariance C;
   PoseRows H_x;
   Fusion fusion;
-  Eigen::MatrixXd J{dof(K), dof(K)};
+  reference::Dense J{dof(K), dof(K)};
   void look(const Pose& pose) {
     Extended q_e;
     CHECK(linearise(robot, pose, q_e, H_x, H_xi.data()));
@@ -80,7 +79,7 @@ struct Scene {
     CHECK(fuse(robot, known(), C, H_x, fusion));
     for (int i = 0; i < dof(K); ++i)
       for (int j = 0; j < dof(K); ++j) J(i, j) = H_x[i][j];
-    J = J.inverse().eval();
+    J = reference::inverse(J);
   }
   /// Row i of the gain that a TEJ has, less that of the fresh weights.
   Extended apart(const ExtendedRows& tej, int i) const {

@@ -1,5 +1,6 @@
 // Calibration: the optimum, its stated σ, and robust losses.
 #include "calibration/calibrate.hpp"
+#include "calibration/model_error.hpp"
 
 #include "mechanisms.hpp"
 #include "reference.hpp"
@@ -36,7 +37,7 @@ class SceneOf {
     for (int i = 0; i < settings.nuisances; ++i)
       column_.push_back(chain_column(i) + static_cast<int>(ChainParameter::tilt));
     const int p = static_cast<int>(column_.size());
-    root = RowMatrix::Zero(p, p);
+    root = reference::Rows::Zero(p, p);
     for (int k = 0; k < of_robot.count; ++k) {
       root(k, k) = unsure * 3e-4 * (1 + k % 3);
       if (k > 0) root(k, k - 1) = 1e-4 * random_();
@@ -92,14 +93,13 @@ class SceneOf {
     log.influence = influence.data();
     if (!measured.empty())
       log.measured = measured.data(), log.measured_sigma = measured_sigma.data();
-    const Kernels model = kernels(K);
-    return Calibrator(robot, model, known, mean, log, settings).run();
+    return truepose::calibrate(Level::ideal, robot, known, mean, log, settings);
   }
   void leave_out(int k) {
     q_e.erase(q_e.begin() + k * readings(), q_e.begin() + (k + 1) * readings());
   }
 
-  RowMatrix root;
+  reference::Rows root;
 
  private:
   check::Random random_{91};
@@ -147,7 +147,8 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
     Extended q_e{}, expected, residual;
     std::copy_n(scene.q_e.data() + k * rows, rows, q_e.begin());
     PoseRows H_x;
-    RowMatrix H_xi(2 * rows, parameter_count(fitted)), D(rows, 0);
+    reference::Rows H_xi(2 * rows, parameter_count(fitted));
+    RowMatrix D(rows, 0);
     if (paired(scene.K)) CHECK(left_out(fitted, axes, result.pose[k], H_xi.data(), D));
     CHECK(linearise(fitted, result.pose[k], expected, H_x, H_xi.data()));
     innovation(fitted, q_e, expected, residual);
@@ -161,16 +162,17 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
       for (int j = 0; j < given; ++j)
         B(c, p - m - given + j) = scene.influence[(k * rows + c) * given + j] / sigma;
     }
-    B.rightCols(m) = D;
+    B.rightCols(m) = reference::dense(D);
     B *= scene.root;
     J.block(k * rows, poses, rows, p) = B;
-    e.segment(k * rows, rows) -= B.rightCols(m + given) * result.u.tail(m + given);
+    e.segment(k * rows, rows) -=
+        B.rightCols(m + given) * reference::dense(result.u).tail(m + given);
     const double square = e.segment(k * rows, rows).squaredNorm();
     CHECK_NEAR(result.chi2[k], square, exact * 1e-5);
     CHECK(result.redundancy[k] == 2 && result.weight[k] == 1);
   }
   J.bottomRightCorner(p, p).setIdentity();
-  e.tail(p) = -result.u;
+  e.tail(p) = -reference::dense(result.u);
   const Eigen::VectorXd pull = J.transpose() * e, size = J.cwiseAbs().transpose() * e.cwiseAbs();
   for (int k = 0; k < poses + p; ++k) CHECK_NEAR(pull[k], 0, exact * 1e-4 * (1 + size[k]));
   CHECK_NEAR(result.cost, e.squaredNorm(), exact * 1e-5 * result.cost);
@@ -178,7 +180,8 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
       (scene.root * reference::inverse(J.transpose() * J).bottomRightCorner(p, p) *
        scene.root.transpose())
           .topLeftCorner(p - m, p - m);
-  CHECK((result.covariance - covariance).norm() < exact * 1e-6 * covariance.norm());
+  CHECK((reference::dense(result.covariance) - covariance).norm() <
+        exact * 1e-6 * covariance.norm());
 }
 
 }  // namespace
@@ -206,7 +209,8 @@ TEST("axes of which the ideal level does not see the errors widen what it learns
   const CalibrationResult result = scene.calibrate(), other = without.calibrate();
   check_level(scene, result, 100);
   CHECK(result.covariance.rows() == other.covariance.rows());
-  CHECK(result.covariance.trace() > 1.01 * other.covariance.trace());
+  CHECK(reference::dense(result.covariance).trace() >
+        1.01 * reference::dense(other.covariance).trace());
 }
 
 TEST("a line that is out of the drawn robot's reach counts once the learnt one reaches it") {
@@ -257,8 +261,9 @@ TEST("under a robust loss a gross error costs its own line and no other") {
     CHECK(result.outcome && other.outcome);
     for (int k = 0; k < scene.lines(); ++k) CHECK((result.weight[k] < kOutlier) == (k == 9));
     CHECK(apart(scene, result, other) < 0.02);
-    CHECK_NEAR(result.covariance.trace(), other.covariance.trace(),
-               1e-3 * other.covariance.trace());
+    CHECK_NEAR(reference::dense(result.covariance).trace(),
+               reference::dense(other.covariance).trace(),
+               1e-3 * reference::dense(other.covariance).trace());
     scene.settings.loss = Loss::squares;  // which it would have misled
     CHECK(apart(scene, scene.calibrate(), other) > 1);
   }

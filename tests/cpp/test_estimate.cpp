@@ -13,7 +13,7 @@ namespace {
 struct Scene {
   Robot robot;
   std::vector<int> column;
-  RowMatrix root;
+  reference::Rows root;
   Knowledge known;
   std::vector<double> work;
 
@@ -26,7 +26,7 @@ struct Scene {
         column.push_back(chain_column(i) + k);
       }
     const int p = static_cast<int>(column.size());
-    root = RowMatrix::Zero(p, p);
+    root = reference::Rows::Zero(p, p);
     for (int k = 0; k < p; ++k) {
       for (int j = 0; j < k; ++j) root(k, j) = 2e-5 * random();
       root(k, k) = 3e-4 * (1.5 + random());
@@ -47,7 +47,7 @@ Dense dense(Level level, const Scene& scene, const Pose& pose) {
   const int width = parameter_count(scene.robot);
   Extended q_e;
   PoseRows H_x;
-  RowMatrix H_xi(rows, width);
+  reference::Rows H_xi(rows, width);
   Parasitic rest;
   CHECK(linearise(level, scene.robot, pose, q_e, H_x, H_xi.data(), rest));
   Dense result{Eigen::MatrixXd(rows, n), Eigen::MatrixXd(rows, p), {}};
@@ -90,19 +90,19 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
       CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
   }
   PoseError error;
-  const Kernels model = kernels(K, level == Level::full);
-  CHECK(bool(pose_error(robot, model, scene.known, pose, {}, scene.work, error)));
-  const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
+  CHECK(bool(pose_error(level, robot, scene.known, pose, {}, scene.work, error)));
+  const auto geometry = reference::dense(error.by_geometry);
+  const Eigen::MatrixXd sum = geometry * geometry.transpose() + reference::dense(error.by_noise);
   CHECK((sum - P).norm() < 1e-7 * P.norm());
   // Two influences, in the place of the last two parameters, act as these do.
-  RowMatrix pattern(rows, 2);
+  reference::Rows pattern(rows, 2);
   for (int c = 0; c < rows; ++c)
     for (int j = 0; j < 2; ++j)
       pattern(c, j) =
           scene.work[c * parameter_count(robot) + scene.known.column[scene.known.count - 2 + j]];
   PoseError same;
-  CHECK(bool(pose_error(robot, model, scene.known, pose, {2, pattern.data()}, scene.work, same)));
-  CHECK((same.by_geometry - error.by_geometry).norm() < 1e-12 * error.by_geometry.norm());
+  CHECK(bool(pose_error(level, robot, scene.known, pose, {2, pattern.data()}, scene.work, same)));
+  CHECK((reference::dense(same.by_geometry) - geometry).norm() < 1e-12 * geometry.norm());
 }
 
 TEST_MODELS(
@@ -151,7 +151,7 @@ TEST("elimination keeps the squares, and leaves rows below that no pose moves") 
       for (const int width : {1, 15, 16, 53}) {
         RowsOfPose A{};
         std::array<double, kMaxRows> e{};
-        RowMatrix B(rows, width);
+        reference::Rows B(rows, width);
         Eigen::MatrixXd H(rows, n);
         Eigen::VectorXd residual(rows);
         for (int i = 0; i < rows; ++i) {
@@ -192,7 +192,7 @@ TEST("rows that do not determine the pose are no pose") {
 TEST("times_root is a product with a lower triangle, whatever is above it") {
   check::Random random(7);
   for (const int p : {1, 7, 8, 9, 16, 53}) {
-    RowMatrix root(p, p), B(5, p);
+    reference::Rows root(p, p), B(5, p);
     for (int i = 0; i < p; ++i)
       for (int j = 0; j < p; ++j) root(i, j) = j <= i ? random() : NAN;
     for (int i = 0; i < B.size(); ++i) B.data()[i] = random();
@@ -232,9 +232,9 @@ TEST_MODELS(
     const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
     information += rest.transpose() * rest;
   }
-  RowMatrix root;
-  const Kernels model = kernels(K, level == Level::full);
-  CHECK(bool(after_visiting(scene.robot, model, scene.known, 0, visits, {}, root)));
+  RowMatrix found;
+  CHECK(bool(after_visiting(level, scene.robot, scene.known, 0, visits, {}, found)));
+  const auto root = reference::dense(found);
   const Eigen::MatrixXd expected =
       scene.root * reference::inverse(information) * scene.root.transpose();
   CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());

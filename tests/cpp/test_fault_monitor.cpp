@@ -2,6 +2,7 @@
 #include <climits>
 
 #include "control/fault_monitor.hpp"
+#include "control/monitored_cycle.hpp"
 #include "control/parity.hpp"
 #include "control/tracker.hpp"
 #include "math/chi2.hpp"

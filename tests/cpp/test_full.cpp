@@ -1,5 +1,4 @@
 // Closure of every rod when the axes are not exact. The full level against its own closures.
-#include "calibration/dense.hpp"
 #include "full_robots.hpp"
 #include "mechanism/full_rkm.hpp"
 
@@ -142,7 +141,7 @@ TEST_EACH(for_each_full, "a solution that starts at its neighbour's is the same,
     warm += other.iterations;
     for (int i = 0; i < n; ++i)
       apart = std::max(apart, std::fabs(from_ideal.q[i] - from_near.q[i]));
-    apart = std::max(apart, dense(from_ideal.pose.R - from_near.pose.R).norm());
+    apart = std::max(apart, (from_ideal.pose.R - from_near.pose.R).norm());
   }
   CHECK_NEAR(apart, 0, 1e-13);
   CHECK(warm < 0.75 * cold);

@@ -1,22 +1,11 @@
 // Inverse kinematics, poses and rotations.
-#include <Eigen/Geometry>
-
-#include "calibration/dense.hpp"
 #include "control/command.hpp"
 #include "control/trajectory.hpp"
 #include "mechanisms.hpp"
+#include "reference.hpp"
 
 using namespace mechanisms;
-
-namespace {
-
-/// A rotation, by Eigen.
-Mat3 turn(double angle, const Vec3& axis) {
-  return plain(
-      Eigen::AngleAxisd(angle, Eigen::Map<const Eigen::Vector3d>(axis.data())).toRotationMatrix());
-}
-
-}  // namespace
+using reference::turn;
 
 TEST_EACH(for_each, "every loop closes to rounding") {
   check::Random random(1);
@@ -101,13 +90,13 @@ TEST("rotations: log undoes exp at the identity, near it, at random and near π"
     for (int k = 0; k < 500; ++k) {
       const Vec3 axis = Vec3(random(), random(), random()).normalized();
       const Mat3 R = exp_so3(angle * axis);
-      CHECK_NEAR(dense(R * R.transpose() - Mat3::Identity()).norm(), 0, 3e-15);
-      CHECK_NEAR(dense(R - turn(angle, axis)).norm(), 0, 3e-15);
+      CHECK_NEAR((R * R.transpose() - Mat3::Identity()).norm(), 0, 3e-15);
+      CHECK_NEAR((R - turn(angle, axis)).norm(), 0, 3e-15);
       CHECK_NEAR((log_so3(R) - angle * axis).norm(), 0, 1e-14);
     }
   // At π exactly the axis' sign is free.
   const Mat3 half = turn(pi, Vec3(1, 2, -2) / 3);
-  CHECK_NEAR(dense(exp_so3(log_so3(half)) - half).norm(), 0, 1e-14);
+  CHECK_NEAR((exp_so3(log_so3(half)) - half).norm(), 0, 1e-14);
 }
 
 TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones") {
@@ -119,7 +108,7 @@ TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones
       const Pose end = moved(K, start, step);
       const Joint back = difference(K, end, start);
       for (int i = 0; i < n; ++i) CHECK_NEAR(back[i], step[i], 1e-14);
-      CHECK_NEAR(dense(end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
+      CHECK_NEAR((end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
       CHECK_NEAR(distance(K, to_pose(K, to_coordinates(K, end)), end), 0, 3e-15);
     }
 }

@@ -16,7 +16,7 @@ struct Says {
 };
 
 Says says(const Line& line) {
-  const Eigen::MatrixXd B = line.B.middleRows(line.n, line.redundancy());
+  const Eigen::MatrixXd B = reference::dense(line.B).middleRows(line.n, line.redundancy());
   const Eigen::Map<const Eigen::VectorXd> e(line.e.data() + line.n, line.redundancy());
   return {B.transpose() * B, B.transpose() * e, line.chi2()};
 }
@@ -47,7 +47,7 @@ class Scene {
   Extended q_e{}, expected{};
   Knowledge known;
   PoseRows H_x{};
-  RowMatrix H_xi;
+  reference::Rows H_xi;
   Parasitic rest;
 
   explicit Scene(const Mechanism& mechanism, bool registration = false)
@@ -59,7 +59,7 @@ class Scene {
     column.assign(of_robot.column, of_robot.column + of_robot.count);
     if (registration) column.insert(column.end(), kRegistration, -1);
     const int p = static_cast<int>(column.size());
-    root = RowMatrix::Zero(p, p);
+    root = reference::Rows::Zero(p, p);
     for (int k = 0; k < p; ++k) root(k, k) = 1e-3 * (1 + k % 4);
     for (int k = 1; k < of_robot.count; ++k) root(k, k - 1) = 4e-4 * random();
     known = {p, column.data(), root.data(), {}};
@@ -72,9 +72,9 @@ class Scene {
 
   Line read(const Outside& outside = {}) {
     Line line;
-    RowMatrix work(2 * readings(), parameter_count(robot));
-    CHECK(linearise_line(kernels(K), robot, known, pose, q_e.data(), outside, nullptr, work.data(),
-                         line, rest));
+    reference::Rows work(2 * readings(), parameter_count(robot));
+    CHECK(linearise_line(Level::ideal, robot, known, pose, q_e.data(), outside, nullptr,
+                         work.data(), line, rest));
     return line;
   }
   /// Reading c, whitened, as row `at` of A δx + B δu = e.
@@ -94,7 +94,7 @@ class Scene {
   }
   mutable Prior prior_;
   std::vector<int> column;
-  RowMatrix root;
+  reference::Rows root;
 };
 
 }  // namespace
@@ -120,10 +120,10 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   Scene scene(five_bar());
   for (int c = 0; c < 3; ++c) scene.q_e[c] = NAN;
   Line line;
-  RowMatrix work(2 * scene.readings(), parameter_count(scene.robot));
+  reference::Rows work(2 * scene.readings(), parameter_count(scene.robot));
   const Outcome outcome =
-      linearise_line(kernels(Mobility::planar_translation), scene.robot, scene.known, scene.pose,
-                     scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
+      linearise_line(Level::ideal, scene.robot, scene.known, scene.pose, scene.q_e.data(), {},
+                     nullptr, work.data(), line, scene.rest);
   CHECK(outcome.status == Status::singular);
 }
 

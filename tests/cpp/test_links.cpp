@@ -27,7 +27,7 @@ struct Scene {
                {LinkKind::plane, {5}, 0, 3, 2, 0, 0.4, 0.3}},
               {0.1, -0.2, 0.3, 0.02, 0.05, -0.04, 0.1, 0.05},
               p - 8};
-  RowMatrix root = RowMatrix::Zero(p, p);
+  reference::Rows root = reference::Rows::Zero(p, p);
   Knowledge known{p, nullptr, nullptr, {}};
 
   explicit Scene(bool in_units_of_knowledge = true) {
@@ -37,7 +37,7 @@ struct Scene {
       Line& line = lines[k];
       line.n = n;
       line.rows = k == 4 ? 0 : n;
-      line.B = RowMatrix::Zero(n, p);
+      line.B = RowMatrix(n, p);
       for (int i = 0; i < n; ++i) {
         line.e[i] = random();
         for (int j = i; j < n; ++j) line.R[i][j] = i == j ? 2 + 8 * k : random();
@@ -69,7 +69,7 @@ struct AtOnce {
       for (int i = 0; i < scene.lines[k].rows; ++i) {
         e[n * k + i] = scene.lines[k].e[i];
         for (int j = 0; j < n; ++j) A(n * k + i, n * k + j) = scene.lines[k].R[i][j];
-        A.row(n * k + i).tail<Scene::p>() = scene.lines[k].B.row(i);
+        A.row(n * k + i).tail<Scene::p>() = reference::dense(scene.lines[k].B).row(i);
       }
     for (int k = 0; k < of_link.rows(); ++k) {
       const Link& link = scene.links.link[k];
@@ -174,29 +174,33 @@ TEST("parameters, poses and links left out are those of all equations at once") 
         by[k] = weight[block.link[k]];
         all.enter(block.link[k], by[k]);
       }
-      block.weigh(by);
-      information += block.B.transpose() * block.C.solve(block.B);
-      right += block.B.transpose() * block.C.solve(block.y);
+      block.weigh(reference::list(by));
+      const auto L = reference::dense(block.C), B = reference::dense(block.B);
+      const Eigen::MatrixXd weights = reference::inverse(L * L.transpose());
+      information += B.transpose() * weights * B;
+      right += B.transpose() * weights * reference::dense(block.y);
     }
     const Eigen::VectorXd u = reference::solve(information, right), best = all.best();
     CHECK((u - best.tail<Scene::p>()).norm() < 1e-9);
     const Eigen::MatrixXd covariance = all.covariance().bottomRightCorner<Scene::p, Scene::p>();
     CHECK((reference::inverse(information) - covariance).norm() < 1e-9);
     std::vector<Coordinates> nu(Scene::L);
-    for (const LinkBlock& block : blocks) pull(block, u, nu);
+    for (const LinkBlock& block : blocks) pull(block, reference::list(u), nu);
     for (int k = 0; k < Scene::L; ++k) {
       if (scene.lines[k].rows == 0) continue;
       Coordinates change{};
       for (int i = 0; i < Scene::n; ++i)
-        change[i] = scene.lines[k].e[i] - scene.lines[k].B.row(i).dot(u) + nu[k][i];
+        change[i] =
+            scene.lines[k].e[i] - reference::dense(scene.lines[k].B).row(i).dot(u) + nu[k][i];
       back_substitute(Scene::n, scene.lines[k].R, change);
       for (int i = 0; i < Scene::n; ++i) CHECK_NEAR(change[i], best[Scene::n * k + i], 1e-9);
     }
 
     std::vector<LinkResult> result(scene.links.link.size());
     for (LinkBlock& block : blocks) {
-      block.y -= block.B * u;  // as linearised where the search ended
-      cross_validate(scene.links, block, information.llt().matrixL(), result);
+      // As linearised where the search ended.
+      block.y = reference::list(reference::dense(block.y) - reference::dense(block.B) * u);
+      cross_validate(scene.links, block, cholesky(reference::plain(information)), result);
     }
     for (const int k : {2, 5, 7}) CHECK(std::isnan(result[k].left_out) && result[k].weight == 0);
     for (const LinkBlock& block : blocks)
@@ -224,9 +228,9 @@ TEST("under a robust loss a block has the lowest cost of all its poses, each lin
     for (LinkBlock& block : scene.blocks()) {
       block.weigh(loss);
       std::vector<Coordinates> nu(Scene::L);
-      pull(block, Eigen::VectorXd::Zero(Scene::p), nu);
+      pull(block, std::vector<double>(Scene::p), nu);
       const auto own = [&] {
-        Eigen::VectorXd own = block.y;  // ε
+        std::vector<double> own = block.y;  // ε
         for (std::size_t a = 0; a < block.end.size(); ++a)
           for (int i = 0; i < Scene::n; ++i)
             own[block.end[a].link] -= block.G(a, i) * nu[block.end[a].line][i];
@@ -240,7 +244,7 @@ TEST("under a robust loss a block has the lowest cost of all its poses, each lin
         return sum;
       };
       CHECK_NEAR(block.cost, cost(), 1e-9 * cost());
-      const Eigen::VectorXd at_best = own();
+      const std::vector<double> at_best = own();
       for (int k = 0; k < block.size(); ++k)
         CHECK_NEAR(block.weight[k], std::max(loss.factor(at_best[k] * at_best[k], 1), kNothing),
                    1e-8);

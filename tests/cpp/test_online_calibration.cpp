@@ -53,8 +53,8 @@ class Scene {
     for (int k = 0; k < count(); ++k) mean(k) = learner_.state.xi[learner_.state.column[k]];
     return mean;
   }
-  RowMatrix covariance() const {
-    const Eigen::Map<const RowMatrix> S(learner_.state.root, count(), count());
+  reference::Rows covariance() const {
+    const Eigen::Map<const reference::Rows> S(learner_.state.root, count(), count());
     return S * S.transpose();
   }
 
@@ -74,14 +74,14 @@ class Scene {
 TEST("the equations of a line, one after another, say what they say together") {
   check::Random random(3);
   constexpr int p = 9, r = 4;
-  RowMatrix F(r, p);
+  reference::Rows F(r, p);
   for (int i = 0; i < r; ++i)
     for (int j = 0; j < p; ++j) F(i, j) = 3 * random();
   Innovations line;
   line.r = r;
   Eigen::VectorXd y(r);
   for (int i = 0; i < r; ++i) line.y[i] = y(i) = 10 * random();
-  RowMatrix sequential = F;
+  reference::Rows sequential = F;
   decorrelate(p, sequential.data(), 0, line);
   const Eigen::MatrixXd C = F * F.transpose() + Eigen::MatrixXd::Identity(r, r);
   CHECK_NEAR(line.chi2(), y.dot(reference::inverse(C) * y), 1e-10);
@@ -94,7 +94,7 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
   Scene scene(mechanism, 11, 2, 0.01);  // so little that nothing is of second order
   const int rows = n + scene.robot.r, p = scene.count();
   const Eigen::VectorXd before = scene.mean();
-  const RowMatrix P = scene.covariance();
+  const reference::Rows P = scene.covariance();
   const Extended q_e = scene.read(level, mechanism.robot.home);
   // About a ξ of linearisation, so that nothing counts as curvature.
   std::vector<double> about(parameter_count(scene.robot));
@@ -108,7 +108,7 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
   Pose pose = learner.pose;
   Extended expected, residual;
   PoseRows H_x;
-  RowMatrix H_xi(rows, parameter_count(scene.robot));
+  reference::Rows H_xi(rows, parameter_count(scene.robot));
   Parasitic rest;
   CHECK(linearise(level, learner.robot, pose, expected, H_x, H_xi.data(), rest));
   innovation(learner.robot, q_e, expected, residual);
@@ -125,8 +125,8 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
   const Eigen::MatrixXd C = h * P * h.transpose() + Eigen::MatrixXd::Identity(rows - n, rows - n);
   const Eigen::MatrixXd gain = P * h.transpose() * reference::inverse(C);
   const Eigen::VectorXd step = gain * (N * e), learnt = scene.mean() - before;
-  const RowMatrix posterior = P - gain * h * P;
-  const RowMatrix found = scene.covariance();
+  const reference::Rows posterior = P - gain * h * P;
+  const reference::Rows found = scene.covariance();
   double furthest = 0;
   for (int k = 0; k < p; ++k)
     furthest = std::max(furthest, std::fabs(step(k)) / std::sqrt(P(k, k)));
@@ -165,7 +165,7 @@ TEST_MODELS("a line that nothing explains teaches nothing") {
   Scene scene(mechanism, 14, 1);
   for (int k = 0; k < 60; ++k) CHECK(scene.row(level, mechanism));
   const Eigen::VectorXd mean = scene.mean();
-  const RowMatrix P = scene.covariance();
+  const reference::Rows P = scene.covariance();
   Extended q_e = scene.read(level, mechanism.robot.home);
   q_e[n] += 1000 * scene.state().sigma[n];
   const Outcome outcome = calibrate_online(level, scene.learner(), q_e);
@@ -204,14 +204,14 @@ TEST("random walks take their turns, and all that each would have walked meanwhi
   Mechanism mechanism = h4();
   Scene scene(mechanism, 16, 0);  // no sensor: nothing is learnt, all only drifts
   const int p = scene.count(), walks = 3, rounds = 20;
-  RowMatrix drift(walks, p);
+  reference::Rows drift(walks, p);
   for (int w = 0; w < walks; ++w)
     for (int k = 0; k < p; ++k) drift(w, k) = 1e-5 * scene.random()();
   scene.learner().settings.drifts = walks;
   scene.learner().settings.drift = drift.data();
-  const RowMatrix before = scene.covariance();
+  const reference::Rows before = scene.covariance();
   for (int k = 0; k < walks * rounds; ++k)
     CHECK(calibrate_online(scene.learner(), scene.read(Level::ideal, mechanism.robot.home)));
-  const RowMatrix expected = before + walks * rounds * drift.transpose() * drift;
+  const reference::Rows expected = before + walks * rounds * drift.transpose() * drift;
   CHECK((scene.covariance() - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.maxCoeff());
 }

@@ -28,7 +28,6 @@ TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and e
 }
 
 TEST("a run begins however long the brakes of its safety shell take to open") {
-  constexpr Mobility K = Mobility::schoenflies;
   const Robot robot = limited_robot(h4());
   const ControlSettings settings = settings_for(robot, Law::joint);
   Safety safety;
@@ -49,7 +48,6 @@ namespace {
 /// Largest distance, m, of an ideal H4 from a circle of 50 mm radius that it goes round twice a
 /// second, its feed-forward full, its readings exact.
 double contouring(const ControlSettings& settings) {
-  constexpr Mobility K = Mobility::schoenflies;
   constexpr double kRadius = 0.05, kTurn = 4 * std::numbers::pi;
   const Robot robot = h4().robot;
   const auto circle = [&](int k) {

@@ -8,7 +8,7 @@ using namespace mechanisms;
 
 namespace {
 
-/// Calls f(mechanism, robot, full) at every level that a mechanism has: encoders of their
+/// Calls f(mechanism, robot, level) at every level that a mechanism has: encoders of their
 /// own, both sensors in use; where its rods are a pair, one longer than the other; bodies on bars;
 /// heavy rods, and a base that is mounted askew.
 template <class F>
@@ -29,8 +29,8 @@ void for_each_level(F&& f) {
       robot.body[k].anchor = Vec3(0.02, 0.03 * k, 0.01);
     }
     CHECK(finish(robot) && finish_full(robot));
-    f(mechanism, robot, false);
-    if (robot.full.own()) f(mechanism, robot, true);
+    f(mechanism, robot, Level::ideal);
+    if (robot.full.own()) f(mechanism, robot, Level::full);
   });
 }
 
@@ -75,7 +75,8 @@ Load some_load() {
 }  // namespace
 
 TEST("a rod's tension is the work that what hangs on the nacelle does when it becomes longer") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
+    const bool full = level == Level::full;
     const Mobility K = mechanism.robot.mobility;
     constexpr double kLonger = 1e-5;
     check::Random random(81);
@@ -84,7 +85,7 @@ TEST("a rod's tension is the work that what hangs on the nacelle does when it be
       const Pose pose = to_pose(K, x);
       const Load load = some_load();
       Pull by;
-      CHECK(pull(robot, pose, full, load, by));
+      CHECK(pull(level, robot, pose, load, by));
       Joint q{};
       CHECK(full ? ikm_full(robot, x, q) : ikm(robot, x, q));
       for (int i = 0; i < dof(K); ++i) {
@@ -117,70 +118,69 @@ TEST("a rod's tension is the work that what hangs on the nacelle does when it be
 }
 
 TEST("an arm turns by its compliance times the torque at which its motor holds the load") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
+    const bool full = level == Level::full;
     const Mobility K = mechanism.robot.mobility;
-    const Kernels model = kernels(robot.mobility, full);
-    std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
+    std::vector<double> H_xi(dof(K) * 20 * parameter_count(robot));
     check::Random random(84);
-    Robot level = robot;  // bodies of the dynamics do not turn with their bars
-    for (int k = 0; k < level.bodies; ++k) level.body[k].anchor = Vec3::Zero();
-    for (int i = 0; i < model.n; ++i) level.chain[i].rod_difference = 0;
-    CHECK(finish(level) && finish_full(level));
+    Robot flat = robot;  // bodies of the dynamics do not turn with their bars
+    for (int k = 0; k < flat.bodies; ++k) flat.body[k].anchor = Vec3::Zero();
+    for (int i = 0; i < dof(K); ++i) flat.chain[i].rod_difference = 0;
+    CHECK(finish(flat) && finish_full(flat));
     for (int sample = 0; sample < 5; ++sample) {
       const Pose pose = to_pose(K, random_pose(mechanism, random, 0.8));
       Joint arms{}, torque{};
       arms.fill(1e-5);
       UnderLoad stiff, soft;
-      CHECK(under_load(level, model, full, pose, {}, {}, {}, H_xi.data(), stiff));
-      CHECK(under_load(level, model, full, pose, {}, arms, {}, H_xi.data(), soft));
-      CHECK(hold(level, pose, torque));
-      for (int i = 0; i < model.n; ++i) {
-        const bool arm = level.chain[i].actuator == Actuator::revolute;
-        const double turns = arm ? level.chain[i].encoder_gain * torque[i] : 0;
+      CHECK(under_load(level, flat, pose, {}, {}, {}, H_xi.data(), stiff));
+      CHECK(under_load(level, flat, pose, {}, arms, {}, H_xi.data(), soft));
+      CHECK(hold(flat, pose, torque));
+      for (int i = 0; i < dof(K); ++i) {
+        const bool arm = flat.chain[i].actuator == Actuator::revolute;
+        const double turns = arm ? flat.chain[i].encoder_gain * torque[i] : 0;
         const double off = full ? 1e-3 * (1 + std::fabs(turns)) : 1e-9;
         CHECK_NEAR(soft.by_arm[i], turns, off);
         CHECK_NEAR(soft.q_e[i] - stiff.q_e[i], 1e-5 * turns, 1e-5 * off + 1e-13);
       }
-      for (int c = model.n; c < model.n + robot.r; ++c)
-        CHECK_NEAR(soft.q_e[c], stiff.q_e[c], 1e-13);
+      for (int c = dof(K); c < dof(K) + robot.r; ++c) CHECK_NEAR(soft.q_e[c], stiff.q_e[c], 1e-13);
     }
   });
 }
 
 TEST("what carries nothing, or is stiff, stays as long as it is") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
     const Mobility K = mechanism.robot.mobility;
-    const Kernels model = kernels(robot.mobility, full);
-    std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
+    std::vector<double> H_xi(dof(K) * 20 * parameter_count(robot));
     const Pose pose = to_pose(K, mechanism.robot.home);
     Robot weightless = robot;
     weightless.gravity = Vec3::Zero();
     Extended q_e;
     PoseRows H_x;
     Parasitic rest;
-    CHECK(model.linearise(robot, pose, q_e, H_x, H_xi.data(), rest));
+    CHECK(linearise(level, robot, pose, q_e, H_x, H_xi.data(), rest));
     Joint soft;
     soft.fill(1e-5);
     for (const bool stiff : {false, true}) {
       UnderLoad at;
-      CHECK(under_load(stiff ? robot : weightless, model, full, pose, stiff ? Joint{} : soft,
+      CHECK(under_load(level, stiff ? robot : weightless, pose, stiff ? Joint{} : soft,
                        stiff ? Joint{} : soft, stiff ? some_load() : Load{}, H_xi.data(), at));
-      for (int c = 0; c < model.n + robot.r; ++c) CHECK_NEAR(at.q_e[c], q_e[c], 1e-12);
+      for (int c = 0; c < dof(K) + robot.r; ++c) CHECK_NEAR(at.q_e[c], q_e[c], 1e-12);
     }
   });
 }
 
 TEST("two rods share what is measured of their tension beyond what the load explains") {
-  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full) {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
+    const bool full = level == Level::full;
     const Mobility K = mechanism.robot.mobility;
     check::Random random(83);
     const Pose pose = to_pose(K, random_pose(mechanism, random, 0.8));
     Load load = some_load();
     Pull computed, measured;
     measured.difference.fill(1);
-    CHECK(pull(robot, pose, full, load, computed));
+    CHECK(pull(level, robot, pose, load, computed));
     for (int i = 0; i < dof(K); ++i) load.tension[i] = computed.tension[i] + 10 * (i + 1);
-    CHECK(pull(robot, pose, full, load, measured));
+    CHECK(pull(level, robot, pose, load, measured));
     Closure at;
     CHECK(ikm(robot, pose, at));
     for (int i = 0; i < dof(K); ++i) {
@@ -199,17 +199,18 @@ TEST("two rods share what is measured of their tension beyond what the load expl
 }
 
 TEST("rods that hold nothing along a freedom have no tension") {
-  for_each_level([](const Mechanism&, const Robot& robot, bool full) {
+  for_each_level([](const Mechanism&, const Robot& robot, Level level) {
+    const bool full = level == Level::full;
     const Mobility K = robot.mobility;
     Pull by;
     Robot other = robot;
     other.finished = false;
     const Pose pose = to_pose(K, robot.home);
-    const Outcome unfinished = pull(other, pose, full, some_load(), by);
+    const Outcome unfinished = pull(level, other, pose, some_load(), by);
     CHECK(unfinished.status == Status::unfinished && unfinished.chain == -1);
     other = robot;
     for (int i = 0; i < dof(K); ++i) other.chain[i] = robot.chain[0];
-    const Outcome outcome = pull(other, pose, full, some_load(), by);
+    const Outcome outcome = pull(level, other, pose, some_load(), by);
     CHECK(full ? !outcome : outcome.status == Status::singular && outcome.chain == -1);
   });
 }

@@ -1,0 +1,242 @@
+#include "control/monitored_cycle.hpp"
+
+namespace truepose::fault_monitor_detail {
+MonitoredCycle::MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings,
+                               const Weighing& weighing, const Joint& desired, const Extended& q_e,
+                               FaultMonitor& monitor, Extended& believed, Multirate* late)
+    : robot_(robot),
+      settings_(settings),
+      weighing_(weighing),
+      desired_(desired),
+      q_e_(q_e),
+      monitor_(monitor),
+      believed_(believed),
+      late_(late) {
+  for (int c = 0; c < rows_; ++c) noise_[c] = variance(c);
+}
+
+Real MonitoredCycle::variance(int c) const {
+  const Real sigma = weighing_.known->sigma[c];
+  return sigma * sigma + monitor_.reading[c].noise.variance();
+}
+
+bool MonitoredCycle::motors_valid() const {
+  return std::none_of(monitor_.reading.begin(), monitor_.reading.begin() + n,
+                      [](const auto& motor) { return motor.health == Health::failed; });
+}
+
+Symptom MonitoredCycle::symptom_of(int c) const {
+  const MonitoredReading& reading = monitor_.reading[c];
+  const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
+  if (!number(raw)) return Symptom::missing;
+  if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
+  if (reading.stands && this->raw(c) == reading.raw) return Symptom::stuck;
+  if (wild_ & bit(c)) return Symptom::too_fast;
+  if (monitor_.undecided || !followed(c)) return Symptom::none;
+  const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]);
+  return off_track(c) > chance * (1 + missed(c)) ? Symptom::too_fast : Symptom::none;
+}
+
+bool MonitoredCycle::followed(int c) const {
+  return monitor_.cycle - monitor_.began > kFollowed && settings_.fastest[c] > 0;
+}
+
+int MonitoredCycle::missed(int c) const {
+  const MonitoredReading& reading = monitor_.reading[c];
+  const bool gap = reading.symptom == Symptom::missing || reading.symptom == Symptom::stuck;
+  return gap ? reading.bridged : 0;
+}
+
+Real MonitoredCycle::off_track(int c) const {
+  // With pole p the tracker, extrapolated over m missing cycles, lags by another m(1 + p)/(1 - p)
+  // + m(m + 1)/2 of an acceleration.
+  const int m = missed(c);
+  const Real lag = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
+  const Real way = settings_.period * settings_.period * settings_.fastest[c] *
+                   (settings_.own.acceleration + lag);
+  return std::fabs(innovation_[c]) - way;
+}
+
+bool MonitoredCycle::wild(int c) const {
+  if (!(std::fabs(innovation_[c]) > settings_.wild[c]) || late(c) || !followed(c)) return false;
+  const MonitoredReading& reading = monitor_.reading[c];
+  const Real by = c < n ? desired_[c] - reading.model : reading.told;
+  const Real jump = std::fabs(within_turn(robot_, c, q_e_[c] - reading.raw - by));
+  const Real chance = settings_.sigmas * weighing_.known->sigma[c];
+  const Real most = std::max(settings_.wild[c], chance * std::sqrt(settings_.own.variance));
+  return !(std::min(off_track(c), jump) <= most * (1 + missed(c)));
+}
+
+bool MonitoredCycle::covariance(Real gain, Real share, ReadingCovariance& V) const {
+  Extended variance;
+  for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
+  parity_.covariance(r_, variance, monitor_.geometry, monitor_.known ? share : 0, V);
+  return V.factor(r_);
+}
+
+Real MonitoredCycle::bending() const {
+  Real way2 = 0, bend2 = 0;
+  for (int i = 0; i < n; ++i) {
+    const Real bend = monitor_.motion[i] - monitor_.last[i];
+    way2 += monitor_.motion[i] * monitor_.motion[i];
+    bend2 += bend * bend;
+  }
+  const Real per = 1 / settings_.correlation;
+  return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
+}
+
+bool MonitoredCycle::leaves_track(int c, Real innovation) const {
+  const Real spread = settings_.own.variance * noise_[c] + monitor_.reading[c].spread;
+  return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
+}
+
+bool MonitoredCycle::motor_left(int c) const {
+  bool any = false;
+  for (int i = 0; late(c) && i < n; ++i)
+    any = any || monitor_.cycle - monitor_.reading[i].left <= 1 + every(c) + late_->age[c - n];
+  return any;
+}
+
+Real MonitoredCycle::model(int c) const {
+  if (late(c)) return late_->then[c - n];
+  // At the motors' pose; `expected` is at the pose from which that was found.
+  return c < n ? desired_[c] : parity_.read[c] - parity_.value[c - n];
+}
+
+Real MonitoredCycle::much(int c, Real share) const {
+  const MonitoredReading& reading = monitor_.reading[c];
+  return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays)) +
+         kLonger * reading.noise.grain + 2 * reading.pushed;
+}
+
+bool MonitoredCycle::stands(int c, Real share) const {
+  const MonitoredReading& reading = monitor_.reading[c];
+  return reading.still > kLonger * reading.noise.interval &&
+         (stood(c, reading.way) > much(c, share) ||
+          (!monitor_.undecided && std::fabs(reading.way) > much(c, kStoodBy)));
+}
+
+Real MonitoredCycle::smooth(int c, Real deviation) {
+  ReadingNoise& noise = monitor_.reading[c].noise;
+  if (!number(deviation)) return deviation;
+  constexpr Real kAssumed = 1000;  // rad/s² or m/s², where a motor's limit is unknown
+  const Real fastest = settings_.fastest[c] > 0 ? settings_.fastest[c] : kAssumed;
+  const bool fresh = raw(c) != monitor_.reading[c].raw, motor = c < n;
+  const Real off =
+      noise.smooth(settings_.period, deviation, fresh, weighing_.known->sigma[c],
+                   kUnmodelled * fastest, motor ? settings_.kp[c] : 0, motor ? settings_.kd[c] : 0);
+  if (number(off) && number(noise.off.rate)) return off;
+  noise.off = {deviation, 0};  // gains too high for the period
+  return deviation;
+}
+
+Real MonitoredCycle::asked(int c) const {
+  if (c < n) return desired_[c] + monitor_.led[c];
+  Real value = parity_.expected[c];
+  for (int j = 0; j < n; ++j) value += parity_.g[c - n][j] * (desired_[j] - parity_.expected[j]);
+  return number(value) ? value : monitor_.reading[c].asked;
+}
+
+Real MonitoredCycle::told(int sensor) const {
+  Real sum = 0;
+  for (int j = 0; j < n; ++j) sum += parity_.g[sensor - n][j] * (desired_[j] - monitor_.desired[j]);
+  return number(sum) ? sum : 0;
+}
+
+Real MonitoredCycle::stood(int c, Real way) const {
+  const MonitoredReading& reading = monitor_.reading[c];
+  const Real by = model(c) - reading.model + way;
+  const Real also = c < n ? by + reading.off : by, side = std::copysign(Real(1), by);
+  Real left = side * (asked(c) - reading.asked + way);
+  // Off q_d both are approximate: one far from it, the other along a long way.
+  if (c >= n) left = std::min(left, side * reading.told);
+  if (!(left > kAsked * settings_.moved[c])) return 0;
+  return std::min(std::fabs(by), std::fabs(also)) -
+         settings_.sigmas * parity_.expectation_noise(noise_, c);
+}
+
+bool MonitoredCycle::replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
+                                 const ReadingCovariance& own) const {
+  if (!(left < settings_.replaceable * settings_.replaceable)) return false;
+  const Real most = settings_.shaken[c];
+  if (!(most > 0)) return true;
+  V.colour(r_, g.data());
+  Real sum = 0;
+  for (int k = 0; k < r_; ++k)
+    for (int l = 0; l < r_; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
+  return unknown_[c] * unknown_[c] * sum < most * most;
+}
+
+bool MonitoredCycle::stale() {
+  for (int i = 0; i < n; ++i) monitor_.way += std::fabs(monitor_.motion[i]);
+  const bool far = monitor_.way > kSamePlace * settings_.correlation;
+  if (!far && monitor_.cycle % settings_.refresh != 0) return false;
+  monitor_.way = 0;
+  return true;
+}
+
+Reading MonitoredCycle::warm(const Real* H_xi, const Reading& cold) {
+  if constexpr (!kFollowsWarmUp) return {};
+  WarmUp& warm_up = monitor_.warm_up;
+  const Growths& growth = settings_.growth;
+  if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
+  const GrowthRows M = growth_rows(robot_, parity_, H_xi, growth);
+  const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
+  monitor_.updated = monitor_.cycle;
+  ReadingCovariance V;
+  const auto alarm = [&] {
+    return parity_verdict(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
+  };
+  auto total = monitor_.geometry;
+  for (int k = 0; k < r_; ++k)
+    for (int l = 0; l <= k; ++l)
+      for (int m = 0; m < kGrowths; ++m) total[k][l] += M[k][m] * M[l][m];
+  std::swap(total, monitor_.geometry);
+  warm_up.warm = false;
+  if (!covariance(1, 1, V) || alarm()) return {};  // growth alone does not explain it
+  std::swap(total, monitor_.geometry);
+  if (!covariance(1, 1, V) || !all_finite(cold, r_)) return {};
+  warm_up.warm = alarm();
+  if (!monitor_.doubted && !symptomatic_) warm_up.average(M, V, cold, r_, since, settings_.memory);
+  return warm_up.explain(M, r_, monitor_.geometry);
+}
+
+void MonitoredCycle::refresh() {
+  const Knowledge& known = *weighing_.known;
+  Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
+  Extended q_e, beyond{};
+  PoseRows H_x;
+  Outcome outcome;
+  if (robot_.rod_by_rod()) {
+    Extended ideal;
+    outcome = linearise_full(robot_, monitor_.pose, q_e, H_x, H_xi);
+    if (outcome) outcome = extended(robot_, monitor_.pose, ideal);
+    for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
+  } else {
+    outcome = linearise(robot_, monitor_.pose, q_e, H_x, H_xi);
+  }
+  monitor_.known = bool(outcome);
+  if (!outcome) return;
+  parity_.open(robot_, known, H_xi, B);
+  for (int k = 0; k < r_; ++k)
+    for (int l = 0; l <= k; ++l)
+      monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+  Reading more, cold{};
+  for (int k = 0; k < r_; ++k) {
+    more[k] = beyond[n + k] - monitor_.beyond[n + k];
+    for (int j = 0; j < n; ++j) more[k] -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
+    cold[k] = parity_.value[k] - more[k];
+  }
+  const Reading grown = warm(H_xi, cold);
+  for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
+    if (number(grown[k])) beyond[n + k] += grown[k];
+    more[k] += grown[k];
+    if (!number(more[k])) continue;
+    monitor_.parity[k].value -= more[k];
+    monitor_.usual[k] -= more[k];
+    monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion
+    monitor_.reading[n + k].asked += more[k];
+  }
+  monitor_.beyond = beyond;
+}
+}  // namespace truepose::fault_monitor_detail
