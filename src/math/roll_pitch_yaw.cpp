@@ -15,7 +15,7 @@ RollPitchYaw to_roll_pitch_yaw(const Mat3& R, const RollPitchYaw& near) {
       angles[k] += 2 * pi * std::nearbyint((near[k] - angles[k]) / (2 * pi));
     return angles;
   };
-  const Real level = std::hypot(R(0, 0), R(1, 0));
+  const Real level = std::sqrt(R(0, 0) * R(0, 0) + R(1, 0) * R(1, 0));
   if (level < kUpright) {  // R Rx(roll)ᵀ = Rz(yaw) Ry(pitch)
     const Mat3 turned = R * from_roll_pitch_yaw({near[0], 0, 0}).transpose();
     return next_to({near[0], std::atan2(-turned(2, 0), turned(2, 2)),
