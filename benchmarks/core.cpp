@@ -287,7 +287,7 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
     seen_cycles.push_back(now.cycle);
   }
   usual("H4 safety shell", [&](int i) {
-    if (i == 0) now = begun;
+    if (i == 0) now.alone = begun.alone;
     now.cycle = seen_cycles[i];
     return guarded();
   });
