@@ -52,7 +52,7 @@ static int32_t fkm_torques(void) {
   const int32_t status = fkm();
   return status > TRUEPOSE_OK
              ? status
-             : truepose_joint_torque(&model, near, setpoint.rate, out).status; /* any torques */
+             : truepose_joint_torque(&model, near, q, out).status; /* any torques */
 }
 static int32_t tej(void) { return truepose_tej(&model, setpoint.x, 0, out).status; }
 static int32_t servo(void) {

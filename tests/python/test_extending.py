@@ -124,7 +124,7 @@ def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
     ]
     rooms = ("math", "mechanism", "estimation", "control")
     path = sorted(file for room in rooms for file in (root / "src" / room).glob("*.cpp"))
-    files = [*path, "mechanisms.hpp", "check_main.cpp"]
+    files = [*path, "mechanisms.cpp", "check_main.cpp"]
     start = "".join(f'#include "{file}"\n' for file in files)
     whole.write_text(start + "using namespace mechanisms;\n" + "\n".join(tests), encoding="utf-8")
     include = [f"-I{root}/{folder}" for folder in ("include", "src", "tests/cpp")]
