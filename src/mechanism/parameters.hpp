@@ -118,33 +118,13 @@ inline void for_each_variation(const Robot& robot, int i, Real q, const Vec3& p,
   }
 }
 
-/// ∂f of a rod, f = (|v|² - L²)/2, at a fixed motor reading. @param jq  ∂f/∂q
-inline Real closure_change(const Vec3& v, Real jq, Real length, const Variation& change) {
-  return v.dot(change.B - change.A) + jq * change.motor - length * change.rod;
-}
-
-/// ∂s of a sensor on the chain, at a fixed motor reading.
-Real sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
-                   Real rate, const Variation& change);
-
 /// Derivative by a unit vector, which can only turn.
 inline Vec3 turned_only(const Vec3& slope, const Vec3& unit) {
   return slope - slope.dot(unit) * unit;
 }
 
-/// Fills the columns of H_ξ of the sensors: offset, gain, mounting.
-void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed, Real* H);
-
-/// Fills H_ξ except for passive axes. @param states  of the n chains
-void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
-                        const std::array<Sensed, kMaxSensors>& sensed, Real* H);
-
-/// Fills the columns of H_ξ of the passive axes. Each parameter moves the platform by a twist, the
-/// angles held: an origin shifts all that follows it; a direction turned by δ ⟂ d turns it by
-/// sin x δ + (1 - cos x) d × δ about the axis' origin. The readings follow as for any motion.
-void axis_columns([[maybe_unused]] const Robot& robot, [[maybe_unused]] const Closure& closure,
-                  [[maybe_unused]] const std::array<Sensed, kMaxSensors>& sensed,
-                  [[maybe_unused]] Real* H);
+/// Fills the columns of H_ξ of a sensor: offset, gain, mounting.
+void sensor_columns(const Robot& robot, int sensor, const Sensed& s, Real* H);
 
 /// Computes H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in the
 /// caller's memory. Directions and normals have unit length; else divide their columns by it.

@@ -38,53 +38,60 @@ Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull
   return {};
 }
 
-Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& pull) {
-  const int n = dof(robot.mobility), N = rods_of(robot);
-  const bool together = bars_together(robot, robot.full.bars);
-  const Mat3& R = at.pose.R;
-  Eigen::MatrixXd G(robot.full.unknowns, N);
-  Eigen::VectorXd w = Eigen::VectorXd::Zero(8), T;
-  const auto hang = [&](const Vec3& force, const Vec3& pivot, const Vec3& arm, int bar) {
-    const Vec3 moment = (pivot + arm).cross(force);
-    for (int k = 0; k < 3; ++k) {
-      w[k] += force[k];
-      w[3 + k] += moment[k];
-    }
-    if (bar >= 0) w[together ? 6 : 6 + bar] += R.col(2).dot(arm.cross(force));
+Outcome pull(const Robot& robot, const FullClosure& closure, const Load& load, Pull& pull) {
+  const int n = dof(robot.mobility);
+  const Built& built = closure.built;
+  const engine::Mechanism& m = built.mechanism;
+  const engine::Position& at = closure.at;
+  const int freedoms = m.freedoms - m.motors;
+  std::array<double, engine::kClosures> length, by_motor;
+  Eigen::MatrixXd G(freedoms, m.closures);
+  engine::Row weight{};
+  Eigen::VectorXd T;
+  const auto hang = [&](const Vec3& force, int body, const Vec3& point) {
+    engine::add_line(m, at, body, engine::line_through(point, force), 1, weight);
   };
-  hang(load.force, Vec3::Zero(), Vec3::Zero(), -1);
+  hang(load.force, built.platform, closure.pose.D);
   for (int k = 0; k < robot.bodies; ++k) {
     const Body& body = robot.body[k];
-    const Mat3 turned = body.bar < 0 ? R : R * rotation_z(at.pose.psi[body.bar]);
-    hang(body.mass * robot.gravity, R * body.pivot, turned * body.anchor, body.bar);
+    const Vec3 pivot = closure.pose.D + closure.pose.R * body.pivot;
+    const Vec3 force = body.mass * robot.gravity;
+    if (body.bar < 0) {
+      hang(force, built.platform, pivot + closure.pose.R * body.anchor);
+      continue;
+    }
+    for (int i = 0; i < n; ++i) {  // any chain on its bar
+      if (robot.chain[i].bar != body.bar) continue;
+      hang(force, built.bar[i], pivot + at.frame[built.bar[i]].R * body.anchor);
+      break;
+    }
   }
-  for (int rod = 0; rod < N; ++rod) {
-    const Chain& chain = robot.chain[rod / 2];
-    hang(0.25 * chain.rod_mass * robot.gravity, at.lever[rod] - at.arm[rod], at.arm[rod],
-         chain.bar);
-    std::array<Real, kMaxUnknowns> row;
-    full_row(robot, at, rod, row);
-    if (together) row[6] += row[7];
-    G.col(rod) = Eigen::Map<const Eigen::VectorXd>(row.data(), G.rows()) / at.v[rod].norm();
+  for (int rod = 0; rod < m.closures; ++rod) {
+    hang(0.25 * robot.chain[rod / 2].rod_mass * robot.gravity, built.bar[rod / 2], at.A[rod]);
+    const engine::Row row = engine::row(m, at, rod);
+    length[rod] = (at.A[rod] - at.B[rod]).norm();
+    by_motor[rod] = row[rod / 2];
+    for (int j = 0; j < freedoms; ++j) G(j, rod) = -row[m.motors + j] / length[rod];
   }
-  if (!held(G, w.head(G.rows()), T)) return {Status::singular, -1};
+  if (!held(G, Eigen::Map<const Eigen::VectorXd>(weight.data() + m.motors, freedoms), T))
+    return {Status::singular, -1};
   for (int i = 0; i < n; ++i) {
+    const Driven driven = driven_point(robot.chain[i], closure.q[i]);
     Real of[2] = {T[2 * i], T[2 * i + 1]}, sum = of[0] + of[1];
     if (!std::isnan(load.tension[i])) {
       for (Real& one : of) one += 0.5 * (load.tension[i] - sum);
       sum = load.tension[i];
     }
-    pull.torque[i] = weight_of_arm(robot, robot.chain[i], at.driven[i].dB);
+    pull.torque[i] = weight_of_arm(robot, robot.chain[i], driven.dB);
     for (int side = 0; side < 2; ++side) {
-      const Real length = at.v[2 * i + side].norm();
-      pull.torque[i] += of[side] * at.jq[2 * i + side] / length;
-      of[side] *= length;
+      pull.torque[i] += of[side] * by_motor[2 * i + side] * driven.rate / length[2 * i + side];
+      of[side] *= length[2 * i + side];
     }
-    pull.torque[i] /= at.driven[i].rate;
+    pull.torque[i] /= driven.rate;
     pull.tension[i] = sum;
     pull.length[i] = of[0] + of[1];
     pull.difference[i] = 2 * (of[0] - of[1]);
-    pull.rate[i] = at.driven[i].rate;
+    pull.rate[i] = driven.rate;
   }
   return {};
 }

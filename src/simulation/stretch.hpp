@@ -55,7 +55,7 @@ inline Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB
 Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull);
 
 /// Full level; a pair shares a measured tension with the difference that holds the load.
-Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& pull);
+Outcome pull(const Robot& robot, const FullClosure& closure, const Load& load, Pull& pull);
 
 /// At a pose held by the motors, at either level.
 Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by);

@@ -35,7 +35,7 @@ Outcome realtime_ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
 Outcome realtime_rkm_full(const Robot& robot, const Coordinates& x, Reading& r) {
   return rkm_full(robot, x, r);
 }
-FullResult realtime_fkm_full(const Robot& robot, const Joint& q, Coordinates& x) {
+FkmResult realtime_fkm_full(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm_full(robot, q, x);
 }
 Outcome realtime_jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
