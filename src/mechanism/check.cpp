@@ -4,28 +4,32 @@
 namespace truepose::engine {
 namespace {
 bool below(int index, int count) { return index >= 0 && index < count; }
+/// Whether an index is below the count, or -1: none.
+bool none_or_below(int index, int count) { return below(index + 1, count + 1); }
 
 /// Counts, indices and the order of bodies.
 Check check_parts(const Mechanism& m) {
+  const int unknowns = m.freedoms - std::min(m.motors, m.coordinates);
   if (!below(m.bodies, kBodies + 1)) return {Flaw::too_many_bodies, -1, Real(m.bodies)};
   if (!below(m.closures, kClosures + 1)) return {Flaw::too_many_closures, -1, Real(m.closures)};
-  const int unknowns = m.freedoms - std::min(m.motors, m.coordinates);
   if (!below(m.freedoms, kFreedoms + 1) || unknowns > kMaxUnknowns)
     return {Flaw::too_many_freedoms, -1, Real(m.freedoms)};
+  if (m.motors < 0 || m.coordinates < 0 || m.motors + m.coordinates > m.freedoms)
+    return {Flaw::no_such_part, -1};
   for (int b = 0; b < m.bodies; ++b) {
     const Body& body = m.body[b];
     const int most = body.kind == Kind::shift || body.kind == Kind::ball ? 3 : 1;
-    const bool freedoms = below(body.freedom, m.freedoms) && below(body.count - 1, most) &&
-                          body.freedom + body.count <= m.freedoms;
-    if (!freedoms || !below(body.parent + 1, m.bodies + 1)) return {Flaw::no_such_part, b};
+    if (!none_or_below(body.parent, m.bodies) || !below(body.count - 1, most) ||
+        !below(body.freedom, m.freedoms - body.count + 1))
+      return {Flaw::no_such_part, b};
     if (body.parent >= b) return {Flaw::circle, b};
   }
   for (int i = 0; i < m.closures; ++i) {
     const Closure& of = m.closure[i];
-    const bool bodies = below(of.body_a + 1, m.bodies + 1) && below(of.body_b + 1, m.bodies + 1);
-    const bool freedoms = below(of.driven + 1, m.freedoms + 1) &&
-                          below(of.motor + 1, m.freedoms + 1) && (of.mode == 0 || of.motor >= 0);
-    if (!bodies || !freedoms) return {Flaw::no_such_part, kBodies + i};
+    if (!none_or_below(of.body_a, m.bodies) || !none_or_below(of.body_b, m.bodies) ||
+        !none_or_below(of.driven, m.freedoms) || !none_or_below(of.motor, m.freedoms) ||
+        (of.mode != 0 && of.motor < 0))
+      return {Flaw::no_such_part, kBodies + i};
   }
   return {};
 }

@@ -1,4 +1,5 @@
 // Solution of a mechanism's closures for any set of unknown freedoms, and its derivatives.
+#include "math/newton.hpp"
 #include "mechanism/mechanism.hpp"
 
 namespace truepose::engine {

@@ -7,43 +7,13 @@ bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::VectorXd& T
   return rods.rank() == G.rows() && T.allFinite();
 }
 
-Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull) {
-  const int n = dof(robot.mobility);
-  Eigen::MatrixXd G(n, n);
-  Eigen::VectorXd w = Eigen::VectorXd::Zero(n), T;
-  Coordinates row;
-  const auto hang = [&](const Vec3& force, const Vec3& lever) {
-    free_row(at.carried, force, lever.cross(force), row.data());
-    w += Eigen::Map<const Eigen::VectorXd>(row.data(), n);
-  };
-  hang(load.force, Vec3::Zero());
-  for (int k = 0; k < robot.bodies; ++k)
-    hang(robot.body[k].mass * robot.gravity, at.placed().R * robot.body[k].pivot);
-  for (int i = 0; i < n; ++i) {
-    const ChainState& chain = at.chain[i];
-    hang(0.5 * robot.chain[i].rod_mass * robot.gravity, chain.lever);
-    jx_row(at.carried, chain.v, chain.lever, row.data());
-    G.col(i) = Eigen::Map<const Eigen::VectorXd>(row.data(), n) / chain.v.norm();
-  }
-  if (!held(G, w, T)) return {Status::singular, -1};
-  for (int i = 0; i < n; ++i) {
-    pull.tension[i] = std::isnan(load.tension[i]) ? T[i] : load.tension[i];
-    pull.length[i] = pull.tension[i] * at.chain[i].v.norm();
-    pull.difference[i] = 0;
-    pull.rate[i] = at.chain[i].rate;
-    pull.torque[i] = (pull.tension[i] * at.chain[i].jq / at.chain[i].v.norm() +
-                      weight_of_arm(robot, robot.chain[i], at.chain[i].dB)) /
-                     pull.rate[i];
-  }
-  return {};
-}
-
-Outcome pull(const Robot& robot, const FullClosure& closure, const Load& load, Pull& pull) {
-  const int n = dof(robot.mobility);
-  const Built& built = closure.built;
+namespace {
+/// The rods of a closed position at either level.
+Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engine::Position& at,
+             const Load& load, Pull& pull) {
   const engine::Mechanism& m = built.mechanism;
-  const engine::Position& at = closure.at;
-  const int freedoms = m.freedoms - m.motors;
+  const engine::Frame& platform = at.frame[built.platform];
+  const int freedoms = m.freedoms - m.motors, per = built.rods_per_chain;
   std::array<double, engine::kClosures> length, by_motor;
   Eigen::MatrixXd G(freedoms, m.closures);
   engine::Row weight{};
@@ -51,61 +21,60 @@ Outcome pull(const Robot& robot, const FullClosure& closure, const Load& load, P
   const auto hang = [&](const Vec3& force, int body, const Vec3& point) {
     engine::add_line(m, at, body, engine::line_through(point, force), 1, weight);
   };
-  hang(load.force, built.platform, closure.pose.D);
+  hang(load.force, built.platform, platform.p);
   for (int k = 0; k < robot.bodies; ++k) {
     const Body& body = robot.body[k];
-    const Vec3 pivot = closure.pose.D + closure.pose.R * body.pivot;
-    const Vec3 force = body.mass * robot.gravity;
-    if (body.bar < 0) {
-      hang(force, built.platform, pivot + closure.pose.R * body.anchor);
-      continue;
-    }
-    for (int i = 0; i < n; ++i) {  // any chain on its bar
-      if (robot.chain[i].bar != body.bar) continue;
-      hang(force, built.bar[i], pivot + at.frame[built.bar[i]].R * body.anchor);
-      break;
-    }
+    int carrier = built.platform;
+    for (int i = 0; i < m.motors && body.bar >= 0; ++i)
+      if (robot.chain[i].bar == body.bar) carrier = built.bar[i];
+    const Vec3 anchor = built.layout == Layout::ideal ? Vec3::Zero() : body.anchor;
+    hang(body.mass * robot.gravity, carrier,
+         platform.p + platform.R * body.pivot + at.frame[carrier].R * anchor);
   }
   for (int rod = 0; rod < m.closures; ++rod) {
-    hang(0.25 * robot.chain[rod / 2].rod_mass * robot.gravity, built.bar[rod / 2], at.A[rod]);
+    const int i = rod / per;
+    hang(0.5 / per * robot.chain[i].rod_mass * robot.gravity, built.bar[i], at.A[rod]);
     const engine::Row row = engine::row(m, at, rod);
     length[rod] = (at.A[rod] - at.B[rod]).norm();
-    by_motor[rod] = row[rod / 2];
+    by_motor[rod] = row[i] / length[rod];
     for (int j = 0; j < freedoms; ++j) G(j, rod) = -row[m.motors + j] / length[rod];
   }
   if (!held(G, Eigen::Map<const Eigen::VectorXd>(weight.data() + m.motors, freedoms), T))
     return {Status::singular, -1};
-  for (int i = 0; i < n; ++i) {
-    const Driven driven = driven_point(robot.chain[i], closure.q[i]);
-    Real of[2] = {T[2 * i], T[2 * i + 1]}, sum = of[0] + of[1];
-    if (!std::isnan(load.tension[i])) {
-      for (Real& one : of) one += 0.5 * (load.tension[i] - sum);
-      sum = load.tension[i];
-    }
-    pull.torque[i] = weight_of_arm(robot, robot.chain[i], driven.dB);
-    for (int side = 0; side < 2; ++side) {
-      pull.torque[i] += of[side] * by_motor[2 * i + side] * driven.rate / length[2 * i + side];
-      of[side] *= length[2 * i + side];
-    }
-    pull.torque[i] /= driven.rate;
-    pull.tension[i] = sum;
-    pull.length[i] = of[0] + of[1];
-    pull.difference[i] = 2 * (of[0] - of[1]);
+  for (int i = 0; i < m.motors; ++i) {
+    const Driven driven = driven_point(robot.chain[i], q[i]);
+    double* of = T.data() + per * i;
+    const double sum = per == 1 ? of[0] : of[0] + of[1];
+    pull.tension[i] = std::isnan(load.tension[i]) ? sum : load.tension[i];
     pull.rate[i] = driven.rate;
+    pull.torque[i] = weight_of_arm(robot, robot.chain[i], driven.dB) / driven.rate;
+    pull.length[i] = pull.difference[i] = 0;
+    for (int side = 0; side < per; ++side) {
+      const double tension = of[side] + (pull.tension[i] - sum) / per;
+      const double growth = tension * length[per * i + side];
+      pull.torque[i] += tension * by_motor[per * i + side];
+      pull.length[i] += growth;
+      if (per == 2) pull.difference[i] += side == 0 ? 2 * growth : -2 * growth;
+    }
   }
   return {};
 }
+}  // namespace
 
 Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by) {
   if (!robot.finished) return {Status::unfinished, -1};
+  FullClosure at;
   if (full && robot.full.own()) {
-    FullClosure at;
     const Outcome outcome = ikm_full(robot, pose, at);
-    return outcome ? pull(robot, at, load, by) : outcome;
+    return outcome ? pull(robot, at.q, at.built, at.at, load, by) : outcome;
   }
-  Closure at;
-  const Outcome outcome = ikm(robot, pose, at);
-  return outcome ? pull(robot, at, load, by) : outcome;
+  Closure ideal;
+  const Outcome outcome = ikm(robot, pose, ideal);
+  if (!outcome) return outcome;
+  build(robot, Layout::ideal, at.built);
+  at.at.y = stand(robot, at.built, ideal.q(), pose);
+  engine::place(at.built.mechanism, at.at);
+  return pull(robot, ideal.q(), at.built, at.at, load, by);
 }
 
 Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Pose& pose,

@@ -51,13 +51,8 @@ inline Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB
   return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity.dot(dB);
 }
 
-/// Ideal level. @return singular where the rods hold nothing along some freedom
-Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull);
-
-/// Full level; a pair shares a measured tension with the difference that holds the load.
-Outcome pull(const Robot& robot, const FullClosure& closure, const Load& load, Pull& pull);
-
-/// At a pose held by the motors, at either level.
+/// At a pose held by the motors, at either level. A pair shares a measured tension with the
+/// difference that holds the load. @return singular where the rods hold nothing along some freedom
 Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by);
 
 /// Readings of a robot under load at a pose.
