@@ -2,12 +2,9 @@
 #pragma once
 
 #include "mechanism/damping.hpp"
-#include "mechanism/full_kinematics.hpp"
+#include "mechanism/full.hpp"
 
 namespace truepose {
-/// branch_lost if the determinant of all rods' rows has another sign than at home.
-Outcome same_full_mode(const Robot& robot, const Coordinates& x);
-
 /// q = IKM(x) for a command to the motors. The chains also close at poses of other assembly modes,
 /// which the robot could reach only through a singular pose, where its motors no longer hold it:
 /// these are refused (other_mode).

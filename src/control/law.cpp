@@ -47,11 +47,8 @@ Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Ref
 }
 
 Outcome refer_full(const Robot& robot, Parasitic& rest, Reference& reference) {
-  FullClosure closure;
-  std::array<FullRow, kMaxSensors> rows;
-  const Outcome outcome =
-      extended_full(robot, reference.closure.pose, reference.q_e, closure, rows, &rest);
-  return outcome ? within_limits(robot, closure.q) : outcome;
+  const Outcome outcome = extended_full(robot, reference.closure.pose, reference.q_e, &rest);
+  return outcome ? within_limits(robot, motors_of(robot, reference.q_e)) : outcome;
 }
 
 Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,

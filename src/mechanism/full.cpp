@@ -1,127 +1,71 @@
 #include "mechanism/full.hpp"
 
+#include "mechanism/angles_of.hpp"
+
 namespace truepose {
+namespace {
+/// Closes the rods for the unknown freedoms from the start in `closure`, and reads pose and motors
+/// off. @param near  θ nearby, and ψ where there are no bars
+FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Freedoms& unknown,
+                     int most, bool start_closed, FullClosure& closure) {
+  const Built& built = closure.built;
+  engine::Position& at = closure.at;
+  FkmResult result = engine::close(built.mechanism, at, unknown, most, start_closed);
+  if (result.chain >= 0) result.chain /= 2;
+  const engine::Frame& platform = at.frame[built.platform];
+  closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
+  for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
+  for (int i = 0; i < dof(robot.mobility); ++i)
+    closure.q[i] = motor_reading(robot.chain[i], at.y[i]);
+  return result;
+}
+
+/// Notes the residual motion. @param ideal  freedoms of the ideal level at the same pose
+void note_residual(const FullClosure& closure, const engine::Row& ideal, Parasitic& rest) {
+  rest.known = true;
+  for (int j = 0; j < closure.built.mechanism.freedoms; ++j) rest.y[j] = closure.at.y[j] - ideal[j];
+}
+
+/// Calls own(closure) with all rods closed at x, same() where the full level is the ideal one.
+template <class Own, class Same>
+Outcome closed(const Robot& robot, const Coordinates& x, Own&& own, Same&& same) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  if (robot.full.kind == FullKind::same) return same();
+  if (!robot.full.own()) return {Status::no_full_level, -1};
+  FullClosure closure;
+  const Outcome outcome = ikm_full(robot, to_pose(robot.mobility, x), closure);
+  return outcome ? own(closure) : outcome;
+}
+
+/// The mechanism at home as the ideal level has it.
+Outcome at_home(const Robot& robot, Layout layout, FullClosure& home) {
+  Closure ideal;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), ideal);
+  if (!outcome) return outcome;
+  build(robot, layout, home.built);
+  home.at.y = stand(robot, home.built, ideal.q(), ideal.pose);
+  engine::place(home.built.mechanism, home.at);
+  return outcome;
+}
+}  // namespace
+
 FullPose to_full(const Pose& pose) {
-  FullPose full{pose};
+  FullPose full{pose, {}};
   full.psi.fill(-pose.theta);
   return full;
 }
 
-void complete_closure(const Robot& robot, FullClosure& at) {
-  std::array<Mat3, kMaxBars> bar;
-  for (int k = 0; k < kMaxBars; ++k) bar[k] = at.pose.R * rotation_z(at.pose.psi[k]);
-  at.cost = at.residual = 0;
-  for (int i = 0; i < dof(robot.mobility); ++i) {
-    const Chain& chain = robot.chain[i];
-    const Driven& driven = at.driven[i];
-    const Mat3& R = chain.bar < 0 ? at.pose.R : bar[chain.bar];
-    const Vec3 pivot = at.pose.R * chain.pivot, arm = R * chain.anchor;
-    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_drawn);
-    const Vec3 half_B = 0.5 * chain.rod_spacing * pair_direction(chain);
-    const Vec3 middle = chain.base + driven.p - at.pose.D - pivot - arm;
-    for (int rod = 2 * i; rod < 2 * i + 2; ++rod) {
-      const Real side = rod == 2 * i ? 1 : -1;
-      const Real length = rod_length(chain, driven, side);
-      at.arm[rod] = arm + side * half_A;
-      at.lever[rod] = pivot + at.arm[rod];
-      at.v[rod] = middle + side * (half_B - half_A);
-      at.f[rod] = 0.5 * (at.v[rod].squaredNorm() - length * length);
-      // u is the axis about which B turns (or keeps its direction): ∂B/∂q is the chain's.
-      at.jq[rod] =
-          chain.actuator == Actuator::telescopic ? -length * driven.rate : at.v[rod].dot(driven.dB);
-      at.cost += at.f[rod] * at.f[rod];
-      at.residual = std::max(at.residual, std::fabs(at.f[rod]) / length);
-    }
-  }
-}
-
-void full_row(const Robot& robot, const FullClosure& at, int rod,
-              std::array<Real, kMaxUnknowns>& row) {
-  const Vec3 moment = at.lever[rod].cross(at.v[rod]);
-  for (int k = 0; k < 3; ++k) {
-    row[k] = at.v[rod][k];
-    row[3 + k] = moment[k];
-  }
-  row[6] = row[7] = 0;
-  const int bar = robot.chain[rod / 2].bar;
-  if (bar >= 0) row[6 + bar] = at.pose.R.col(2).dot(at.arm[rod].cross(at.v[rod]));
-}
-
-int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
-  for (int j = 0; j < columns; ++j) {
-    Real size = 0;
-    for (int i = 0; i < rows; ++i) size = std::max(size, std::fabs(m[i][j]));
-    for (int i = 0; i < rows && size > 0; ++i) m[i][j] /= size;
-  }
-  for (int k = 0; k < std::min(rows, columns); ++k) {
-    int row = k, column = k;
-    for (int i = k; i < rows; ++i)
-      for (int j = k; j < columns; ++j)
-        if (std::fabs(m[i][j]) > std::fabs(m[row][column])) row = i, column = j;
-    if (!(std::fabs(m[row][column]) > 1e-6)) return k;
-    std::swap(m[k], m[row]);
-    for (int i = 0; i < rows; ++i) std::swap(m[i][k], m[i][column]);
-    for (int i = k + 1; i < rows; ++i) {
-      const Real factor = m[i][k] / m[k][k];
-      for (int j = k; j < columns; ++j) m[i][j] -= factor * m[k][j];
-    }
-  }
-  return std::min(rows, columns);
-}
-
-Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMaxUnknowns>& rows) {
-  Closure ideal;
-  const Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), ideal);
-  if (!outcome) return outcome;
-  FullClosure at;
-  at.pose = to_full(ideal.pose);
-  for (int i = 0; i < dof(robot.mobility); ++i)
-    at.driven[i] = driven_point(robot.chain[i], ideal.chain[i].q);
-  complete_closure(robot, at);
-  for (int rod = 0; rod < rods_of(robot); ++rod) {
-    full_row(robot, at, rod, rows[rod]);
-    if (together) rows[rod][6] += rows[rod][7];
+Outcome full_rows(const Robot& robot, std::array<engine::Row, engine::kClosures>& rows) {
+  FullClosure home;
+  const Outcome outcome = at_home(robot, Layout::free, home);
+  const engine::Mechanism& m = home.built.mechanism;
+  for (int rod = 0; rod < m.closures && outcome; ++rod) {
+    const engine::Row row = engine::row(m, home.at, rod);
+    std::copy(row.begin() + m.motors, row.begin() + m.freedoms, rows[rod].begin());
+    if (robot.bar_joint == BarJoint::four_bar && m.freedoms > home.built.turn + 1)
+      rows[rod][6] += rows[rod][7];
   }
   return outcome;
-}
-
-void relax(const Robot& robot, FullClosure& at) {
-  constexpr int N = kMaxUnknowns, m = N - 1;
-  Square A, normal{};
-  Unknowns size;
-  for (int rod = 0; rod < N; ++rod) {
-    std::array<Real, kMaxUnknowns> row;
-    full_row(robot, at, rod, row);
-    row[6] += row[7];
-    std::copy_n(row.begin(), m, A[rod].begin());
-    for (int i = 0; i < m; ++i)
-      for (int j = 0; j <= i; ++j) normal[i][j] += A[rod][i] * A[rod][j];
-  }
-  for (int i = 0; i < m; ++i) size[i] = normal[i][i];
-  const Ldlt factor(m, normal, size);
-  std::array<Real, N> s{};
-  for (int k = 0; k < N; ++k) {  // s_k² is at least 1/N for one of them
-    Unknowns x = A[k];
-    factor.solve(x);
-    for (int rod = 0; rod < N; ++rod) {
-      s[rod] = rod == k;
-      for (int j = 0; j < m; ++j) s[rod] -= A[rod][j] * x[j];
-    }
-    if (s[k] > 0.5 / N) break;
-  }
-  Real held = 0, unit = 0;  // sᵀf and sᵀD²s
-  for (int rod = 0; rod < N; ++rod) {
-    const Real length = at.driven[rod / 2].rod;
-    at.stress[rod] = length * length * s[rod];
-    held += s[rod] * at.f[rod];
-    unit += s[rod] * at.stress[rod];
-  }
-  at.cost = at.residual = 0;
-  for (int rod = 0; rod < N; ++rod) {
-    at.f[rod] -= held / unit * at.stress[rod];
-    at.cost += at.f[rod] * at.f[rod];
-    at.residual = std::max(at.residual, std::fabs(at.f[rod]) / at.driven[rod / 2].rod);
-  }
 }
 
 Outcome full_level(const Robot& robot, FullLevel& level) {
@@ -136,34 +80,191 @@ Outcome full_level(const Robot& robot, FullLevel& level) {
     level.kind = FullKind::same;
     level.rods = level.unknowns = n;
     return {};
-  } else {
-    if (!described || level.bars > kMaxBars) return {};
-    const bool together = bars_together(robot, level.bars);
-    level.rods = rods_of(robot);
-    level.unknowns = 6 + (together ? 1 : level.bars);
-    if (level.unknowns > level.rods) {
-      level.kind = FullKind::loose;
-      level.excess = level.unknowns - level.rods;
-      return {};
-    }
-    Matrix<kMaxRods, kMaxUnknowns> rows{};
-    const Outcome outcome = full_rows(robot, together, rows);
-    if (!outcome) return outcome;
-    const int held = rank(rows, level.rods, level.unknowns);
-    if (held < level.unknowns) {
-      level.kind = FullKind::loose;
-      level.excess = level.unknowns - held;
-    } else if (level.rods > level.unknowns) {
-      level.excess = level.rods - level.unknowns;
-      const bool relieved = level.excess == 1 && level.rods == kMaxUnknowns;
-      level.kind = relieved ? FullKind::elastic : FullKind::overconstrained;
-    } else {
-      level.kind = FullKind::exists;
-      Square square;
-      std::copy_n(rows.begin(), level.rods, square.begin());
-      level.sign = determinant_sign(level.rods, square);
-    }
+  }
+  if (!described || level.bars > kMaxBars) return {};
+  const bool together = robot.bar_joint == BarJoint::four_bar;
+  level.rods = 2 * n;
+  level.unknowns = 6 + (together ? std::min(1, level.bars) : level.bars);
+  level.excess = level.rods - level.unknowns;
+  level.kind = FullKind::loose;
+  if (level.excess < 0) {
+    level.excess = -level.excess;
     return {};
   }
+  std::array<engine::Row, engine::kClosures> rows;
+  Outcome outcome = full_rows(robot, rows);
+  if (!outcome) return outcome;
+  const int held = engine::rank(rows, level.rods, level.unknowns);
+  if (held < level.unknowns) {
+    level.excess = level.unknowns - held;
+  } else if (level.excess > 0) {
+    level.kind = level.excess == 1 ? FullKind::elastic : FullKind::overconstrained;
+  } else {
+    FullClosure home;
+    outcome = at_home(robot, Layout::full, home);
+    level.kind = FullKind::exists;
+    level.sign = engine::mode_of(home.built.mechanism, home.at);
+  }
+  return {};
+}
+
+Outcome finish_full(Robot& robot) {
+  return robot.finished ? full_level(robot, robot.full) : Outcome{Status::unfinished, -1};
+}
+
+FkmResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure,
+                   int cap, const Parasitic& rest) {
+  if (!robot.finished) return {{Status::unfinished, -1}};
+  for (int i = 0; i < dof(robot.mobility); ++i)
+    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
+  build(robot, Layout::full, closure.built);
+  const engine::Mechanism& m = closure.built.mechanism;
+  closure.at.y = stand(robot, closure.built, q, pose);
+  for (int j = m.motors + m.coordinates; j < m.freedoms; ++j) closure.at.y[j] += rest.y[j];
+  const int most = std::min(kFkmIterations, cap);
+  FkmResult result = close_rods(robot, pose, engine::forward(m), most, false, closure);
+  pose = closure.pose;
+  if (result && other_mode(m.sign, engine::mode_of(m, closure.at)))
+    result.status = Status::branch_lost;
+  return result;
+}
+
+FkmResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap) {
+  if (robot.finished && robot.full.kind == FullKind::same) return fkm(robot, q, x, cap);
+  if (robot.finished && !robot.full.own()) return {{Status::no_full_level, -1}};
+  FullPose pose = to_full(to_pose(robot.mobility, x));
+  FullClosure closure;
+  const FkmResult result = fkm_full(robot, q, pose, closure, cap);
+  if (robot.finished) x = to_coordinates(robot.mobility, pose);
+  return result;
+}
+
+Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
+  if (level == Level::ideal || !robot.full.own()) return fkm(robot, q, pose, kFkmStart).status;
+  FullPose full = to_full(pose);
+  FullClosure closure;
+  const Status status = fkm_full(robot, q, full, closure, kFkmStart, rest).status;
+  if (status != Status::ok) return status;
+  // D and θ are the coordinates; tilt and bars follow from them.
+  pose = full;
+  pose.R = turns_about_z(robot.mobility) ? rotation_z(pose.theta) : Mat3::Identity();
+  if (Closure ideal; ikm(robot, pose, ideal))
+    note_residual(closure, stand(robot, closure.built, ideal.q(), pose), rest);
+  return status;
+}
+
+FkmResult ikm_full(const Robot& robot, const Pose& pose, FullClosure& closure, Parasitic* rest) {
+  Closure ideal;
+  const Outcome outcome = ikm(robot, pose, ideal);
+  if (!outcome) return {outcome};
+  build(robot, Layout::full, closure.built);
+  const engine::Freedoms unknown = engine::inverse(closure.built.mechanism);
+  const engine::Row start = stand(robot, closure.built, ideal.q(), pose);
+  FkmResult result;
+  for (bool near = rest && rest->known;; near = false) {
+    closure.at.y = start;
+    for (int k = 0; k < unknown.count && near; ++k)
+      closure.at.y[unknown.index[k]] += rest->y[unknown.index[k]];
+    result = close_rods(robot, to_full(pose), unknown, kFkmIterations, near, closure);
+    if (result || !near) break;
+  }
+  if (result && rest) note_residual(closure, start, *rest);
+  return result;
+}
+
+Outcome ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
+  return closed(
+      robot, x,
+      [&](const FullClosure& closure) {
+        q = closure.q;
+        return within_limits(robot, q);
+      },
+      [&] { return ikm(robot, x, q); });
+}
+
+Outcome jacobian_full(const Robot& robot, const FullClosure& closure, JointMatrix& J) {
+  const engine::Mechanism& m = closure.built.mechanism;
+  Matrix<kMaxUnknowns, kMaxUnknowns> rates;
+  Outcome outcome = engine::follow(m, closure.at, engine::forward(m), engine::motors(m), rates);
+  if (outcome.chain >= 0) outcome.chain /= 2;
+  for (int j = 0; j < m.motors && outcome; ++j) {
+    const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
+    for (int i = 0; i < m.coordinates; ++i) J[i][j] = rates[i][j] / slope;
+  }
+  return outcome;
+}
+
+Outcome jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
+  return closed(
+      robot, x, [&](const FullClosure& closure) { return jacobian_full(robot, closure, J); },
+      [&] { return jacobian(robot, x, J); });
+}
+
+Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
+  FullClosure closure;
+  JointMatrix J;
+  Outcome outcome = ikm_full(robot, to_pose(robot.mobility, x), closure);
+  if (outcome) outcome = jacobian_full(robot, closure, J);
+  const engine::Mechanism& m = closure.built.mechanism;
+  if (outcome && other_mode(m.sign, engine::mode_of(m, closure.at)))
+    outcome = {Status::branch_lost, -1};
+  return outcome;
+}
+
+Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
+  rest.fill(0);
+  return closed(
+      robot, x,
+      [&](const FullClosure& closure) {
+        const Pose pose = to_pose(robot.mobility, x);
+        const Vec3 tilt = log_so3(closure.pose.R * pose.R.transpose());
+        const int tilts = turns_about_z(robot.mobility) ? 2 : 3;
+        for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
+        for (int k = tilts; k < dof(robot.mobility); ++k)
+          rest[k] = pose.theta + closure.pose.psi[k - tilts];
+        return Outcome{};
+      },
+      [] { return Outcome{}; });
+}
+
+Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
+                      const Joint& arm, Extended& q_e) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  const int n = dof(robot.mobility);
+  FullClosure there;
+  build(robot, Layout::free, there.built);
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = motor_reading(robot.chain[i], arm[i]);
+  there.at.y = stand(robot, there.built, q, pose);
+  for (int j = there.built.turn; j < there.built.mechanism.freedoms; ++j)
+    there.at.y[j] = pose.psi[j - there.built.turn];
+  engine::place(there.built.mechanism, there.at);
+  Outcome outcome = read(robot, there.built, there.at, theta_of(pose.R, pose.theta), q_e);
+  for (int i = 0; i < n; ++i) q_e[i] = motor_reading(robot.chain[i], motor[i]);
+  if (!is_rotational(robot.mobility)) return outcome;
+  Pose angles = to_pose(robot.mobility, robot.home);
+  angles_of(robot, {pose.D, pose.R, 0}, angles);
+  for (int k = 0; k < robot.r; ++k)
+    if (const Sensor& sensor = robot.sensor[k]; sensor.kind == SensorKind::axis_angle)
+      q_e[n + k] = sensor.gain * sense_axis(sensor, angles).value - sensor.offset;
+  return {all_finite(q_e, n + robot.r) ? Status::ok : Status::not_finite, -1};
+}
+
+Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e, Parasitic* rest) {
+  FullClosure closure;
+  const Outcome outcome = ikm_full(robot, pose, closure, rest);
+  return outcome ? read(robot, closure.built, closure.at, closure.pose.theta, q_e) : outcome;
+}
+
+Outcome rkm_full(const Robot& robot, const Coordinates& x, Reading& values) {
+  return closed(
+      robot, x,
+      [&](const FullClosure& closure) {
+        Extended q_e;
+        const Outcome outcome = read(robot, closure.built, closure.at, closure.pose.theta, q_e);
+        std::copy_n(q_e.begin() + dof(robot.mobility), robot.r, values.begin());
+        return outcome;
+      },
+      [&] { return rkm(robot, x, values); });
 }
 }  // namespace truepose

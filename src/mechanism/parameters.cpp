@@ -7,157 +7,200 @@ int axis_column(const Robot& robot, int axis) {
          axis * kAxisParameters;
 }
 
-std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec3& p) {
-  const Real v = (q + chain.encoder_offset) / chain.encoder_gain;
-  std::array<Real, 6> change{0, 0, 0, 0, v, 0};
-  if (chain.actuator != Actuator::revolute) {
-    change[5] = -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v);
-    return change;
-  }
-  const Real position = std::atan2(chain.axis.cross(chain.zero).dot(p), chain.zero.dot(p));
-  const std::array<Real, 4> harmonic = harmonics(chain.eccentricity, position);
-  for (int k = 0; k < 4; ++k)
-    change[k] = chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
-  return change;
-}
+namespace {
+/// What a parameter of a chain changes, its encoder at rest.
+struct Change {
+  Vec3 A = Vec3::Zero(), B = Vec3::Zero();
+  Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
+  Real rod = 0;              ///< L
+  Real difference = 0;       ///< δ between the rods of a pair (full level)
+  Real spacing = 0;          ///< s between them
+};
 
-Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
-               const std::array<Real, 6>& encoder, ChainParameter parameter) {
-  Variation change;
-  const auto unit = [&](ChainParameter first) -> Vec3 {
-    return Vec3::Unit(static_cast<int>(parameter) - static_cast<int>(first));
-  };
-  switch (parameter) {
-    case ChainParameter::base_x:
-    case ChainParameter::base_y:
-    case ChainParameter::base_z: change.B = unit(ChainParameter::base_x); break;
-    case ChainParameter::arm:
-      if (chain.actuator == Actuator::revolute) change.B = p / chain.arm;
-      break;
-    case ChainParameter::rod: change.rod = chain.actuator == Actuator::telescopic ? 0 : 1; break;
-    case ChainParameter::encoder_offset: change.motor = 1; break;
-    case ChainParameter::yaw: change.turn = Vec3::UnitZ(); break;  // adds to α
-    case ChainParameter::tilt: change.turn = chain.zero; break;    // turns u about e
-    case ChainParameter::anchor_x:
-    case ChainParameter::anchor_y:
-    case ChainParameter::anchor_z: change.A = body * unit(ChainParameter::anchor_x); break;
-    case ChainParameter::rod_difference: change.difference = 1; break;
-    case ChainParameter::rod_spacing: change.spacing = 1; break;
-    case ChainParameter::eccentricity_c1:
-    case ChainParameter::eccentricity_s1:
-    case ChainParameter::eccentricity_c2:
-    case ChainParameter::eccentricity_s2:
-    case ChainParameter::encoder_gain:
-    case ChainParameter::encoder_buildup:
-      change.motor = -encoder[static_cast<std::size_t>(parameter) -
-                              static_cast<std::size_t>(ChainParameter::eccentricity_c1)];
-      break;
-  }
-  if (parameter == ChainParameter::yaw || parameter == ChainParameter::tilt)
-    change.B = change.turn.cross(p);
-  return change;
-}
+/// Derivative by a unit vector, which can only turn.
+Vec3 turned_only(const Vec3& slope, const Vec3& unit) { return slope - slope.dot(unit) * unit; }
 
-Real sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
-                   Real rate, const Variation& change) {
-  const Real turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
-  return s.rod.dot(change.A - change.B) + turned +
-         by_motor(sensor, s, chain, dB, rate) * change.motor;
-}
+/// All readings in one position and their derivatives.
+struct Readings {
+  const Robot& robot;
+  const Built& built;
+  const engine::Position& at;
+  const int n = dof(robot.mobility), count = n + robot.r, width = parameter_count(robot);
+  std::array<Sensed, kMaxSensors> sensed;
+  std::array<engine::Line, kMaxSensors> platform;  ///< by a motion of the platform's side
+  std::array<engine::Row, kMaxReadings> e;         ///< e_u and e_x
+  Matrix<kMaxReadings, engine::kClosures> S{};     ///< e_u A⁻¹
+  Real* H = nullptr;                               ///< H_ξ
 
-void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed, Real* H) {
-  const int n = dof(robot.mobility), width = parameter_count(robot);
-  for (int k = 0; k < robot.r; ++k) {
-    Real* row = H + (n + k) * width + sensor_column(robot, k);
-    const Sensed& s = sensed[k];
-    row[static_cast<int>(SensorParameter::offset)] = -1;
-    row[static_cast<int>(SensorParameter::gain)] = s.value;
-    int column = static_cast<int>(SensorParameter::origin_x);
-    const Sensor& sensor = robot.sensor[k];
-    const Vec3 direction = turned_only(s.direction, sensor.direction);
-    const Vec3 normal = turned_only(s.normal, sensor.normal);
-    for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
-      for (int axis = 0; axis < 3; ++axis) row[column++] = sensor.gain * (*vector)[axis];
-    if (!rotary(robot.sensor[k])) continue;
-    const Eccentricity& encoder = robot.sensor[k].eccentricity;
-    for (const Real harmonic : harmonics(encoder, s.angle))
-      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear;
-  }
-}
-
-void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
-                        const std::array<Sensed, kMaxSensors>& sensed, Real* H) {
-  const int n = dof(robot.mobility), width = parameter_count(robot);
-  std::fill(H, H + (n + robot.r) * width, 0.0);
-  for (int i = 0; i < n; ++i) {
-    const Chain& chain = robot.chain[i];
-    const ChainState& state = states[i];
-    const Mat3 body = body_of(chain, pose);
-    for_each_variation(
-        robot, i, state.q, state.p, body, state.lever, [&](int column, const Variation& change) {
-          const Real motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
-          H[i * width + column] += motor;
-          for (int k = 0; k < robot.r; ++k) {
-            const Sensor& sensor = robot.sensor[k];
-            if (sensor.chain != i) continue;
-            const Real by_q = by_motor(sensor, sensed[k], chain, state.dB, state.rate);
-            H[(n + k) * width + column] +=
-                sensor.gain *
-                (sensor_change(sensor, sensed[k], chain, state.dB, state.rate, change) +
-                 by_q * motor);
-          }
-        });
-  }
-  sensor_columns(robot, sensed, H);
-}
-
-void axis_columns([[maybe_unused]] const Robot& robot, [[maybe_unused]] const Closure& closure,
-                  [[maybe_unused]] const std::array<Sensed, kMaxSensors>& sensed,
-                  [[maybe_unused]] Real* H) {
-  if (is_rotational(robot.mobility)) {
-    const int n = dof(robot.mobility);
-    const int width = parameter_count(robot);
-    Mat3 R = Mat3::Identity();  // of the preceding axis
-    for (int j = 0; j < n; ++j) {
-      const Vec3 d = robot.axis[j].direction;
-      const Real c = std::cos(closure.pose.D[j]), s = std::sin(closure.pose.D[j]);
-      for (int k = 0; k < kAxisParameters; ++k) {
-        Vec3 linear = R.col(k % 3), angular = Vec3::Zero();
-        if (k >= static_cast<int>(AxisParameter::direction_x)) {
-          const Vec3 turned = turned_only(Vec3::Unit(k % 3), d);
-          angular = R * (s * turned + (1 - c) * d.cross(turned));
-          linear = angular.cross(closure.carried.arm[j]);
-        }
-        Coordinates motor;
-        for (int i = 0; i < n; ++i) {
-          const ChainState& state = closure.chain[i];
-          motor[i] = state.v.dot(linear + angular.cross(state.lever)) / state.jq;
-          H[i * width + axis_column(robot, j) + k] = motor[i];
-        }
-        for (int m = 0; m < robot.r; ++m) {
-          const Sensor& sensor = robot.sensor[m];
-          const Sensed& of = sensed[m];
-          Real change = of.linear.dot(linear) + of.angular.dot(angular);
-          if (on_chain(sensor)) {
-            const Chain& chain = robot.chain[sensor.chain];
-            const ChainState& state = closure.chain[sensor.chain];
-            const bool carried = sensor.at_nacelle && chain.bar < 0;
-            change = of.rod.dot(linear + angular.cross(state.lever)) +
-                     (carried ? of.frame.dot(angular) : 0) +
-                     by_motor(sensor, of, chain, state.dB, state.rate) * motor[sensor.chain];
-          }
-          H[(n + m) * width + axis_column(robot, j) + k] = sensor.gain * change;
-        }
-      }
-      R = R * exp_so3(closure.pose.D[j] * d);
+  Readings(const Robot& of, const Built& as, const engine::Position& there, Real theta)
+      : robot(of), built(as), at(there) {
+    for (int i = 0; i < n; ++i) {
+      e[i].fill(0);
+      e[i][i] = robot.chain[i].encoder_errs ? encode(robot.chain[i], at.y[i]).slope : 1;
+    }
+    for (int k = 0; k < robot.r; ++k) {
+      const Sensor& sensor = robot.sensor[k];
+      const SensedFreedoms s = sense(robot, built, at, theta, sensor);
+      sensed[k] = s;
+      platform[k] = s.platform;
+      for (int j = 0; j < built.mechanism.freedoms; ++j) e[n + k][j] = sensor.gain * s.row[j];
     }
   }
+
+  /// A parameter that changes f of a closure at fixed freedoms.
+  void enter_closure(int closure, int column, Real f) {
+    for (int c = 0; c < count && f != 0; ++c) H[c * width + column] -= S[c][closure] * f;
+  }
+  Real& entry(int sensor, int column) { return H[(n + sensor) * width + column]; }
+
+  void chain_columns(int i);
+  void axis_columns(int j);
+  void sensor_columns(int k);
+  void parameter_columns(Real* H_xi);
+};
+
+/// Parameters of a chain displace points and lengths, at a fixed reading of its encoder.
+void Readings::chain_columns(int i) {
+  using enum ChainParameter;
+  const Chain& chain = robot.chain[i];
+  const int first = built.rods_per_chain * i, last = first + built.rods_per_chain - 1;
+  const Mat3& platform = at.frame[built.platform].R;
+  const Mat3& body = chain.bar < 0 ? platform : at.frame[built.bar[i]].R;
+  const Vec3 p = 0.5 * (at.B[first] + at.B[last]) - chain.base;
+  const Vec3 u = pair_direction(chain), drawn = body * chain.pair_drawn;
+  const auto column = [&](ChainParameter parameter) {
+    return chain_column(i) + static_cast<int>(parameter);
+  };
+  const auto enter = [&](int to, const Change& change) {
+    for (int rod = first; rod <= last; ++rod) {
+      const Real half = first == last ? 0 : rod == first ? 0.5 : -0.5;
+      const Vec3 pair = chain.rod_spacing * change.turn.cross(u) + change.spacing * u;
+      const Vec3 gap = change.A - change.B + half * (change.spacing * drawn - pair);  // of A - B
+      const Real longer = change.rod + half * change.difference;
+      const Real length = engine::length_of(built.mechanism, at, rod);
+      enter_closure(rod, to, at.line[rod].force.dot(gap) - length * longer);
+      for (int k = 0; k < robot.r; ++k) {
+        const Sensor& sensor = robot.sensor[k];
+        if (!on_chain(sensor) || built.rod_of(sensor) != rod) continue;
+        const Real turned = sensor.at_nacelle ? 0 : sensed[k].frame.dot(change.turn);
+        entry(k, to) += sensor.gain * (sensed[k].rod.dot(gap) + turned);
+      }
+    }
+  };
+  const bool revolute = chain.actuator == Actuator::revolute;
+  for (int k = 0; k < 3; ++k) {
+    enter(column(base_x) + k, {.B = Vec3::Unit(k)});
+    enter(column(anchor_x) + k, {.A = body.col(k)});
+  }
+  if (revolute) enter(column(arm), {.B = p / chain.arm});
+  if (chain.actuator != Actuator::telescopic) enter(column(rod), {.rod = 1});
+  const Vec3 z = Vec3::UnitZ(), e = chain.zero;
+  enter(column(yaw), {.B = z.cross(p), .turn = z});   // adds to α
+  enter(column(tilt), {.B = e.cross(p), .turn = e});  // turns u about e
+  enter(column(rod_difference), {.difference = 1});
+  enter(column(rod_spacing), {.spacing = 1});
+  if (chain.bar >= 0)  // c moves along itself
+    enter(bar_column(robot, chain.bar), {.A = (platform * chain.pivot).normalized()});
+
+  // The encoder's own, with the motor at rest. The gain scales from 0.
+  Real* encoder = H + i * width;
+  const Real v = (motor_reading(chain, at.y[i]) + chain.encoder_offset) / chain.encoder_gain;
+  encoder[column(encoder_offset)] = -1;
+  encoder[column(encoder_gain)] = v;
+  if (revolute) {
+    const std::array<Real, 4> harmonic = harmonics(chain.eccentricity, at.y[i]);
+    for (int k = 0; k < 4; ++k)
+      encoder[column(eccentricity_c1) + k] =
+          chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
+  } else {
+    encoder[column(encoder_buildup)] =
+        -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v);
+  }
+}
+
+/// Parameters of a sensor: offset, gain, mounting, encoder.
+void Readings::sensor_columns(int k) {
+  const Sensor& of = robot.sensor[k];
+  const Sensed& s = sensed[k];
+  Real* row = H + (n + k) * width + sensor_column(robot, k);
+  row[static_cast<int>(SensorParameter::offset)] = -1;
+  row[static_cast<int>(SensorParameter::gain)] = s.value;
+  int column = static_cast<int>(SensorParameter::origin_x);
+  const Vec3 direction = turned_only(s.direction, of.direction);
+  const Vec3 normal = turned_only(s.normal, of.normal);
+  for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
+    for (int axis = 0; axis < 3; ++axis) row[column++] = of.gain * (*vector)[axis];
+  if (!rotary(of)) return;
+  for (const Real harmonic : harmonics(of.eccentricity, s.angle))
+    row[column++] = of.gain * harmonic / of.eccentricity.gear;
+}
+
+/// Parameters of a passive axis move the platform by a twist, the angles held: an origin shifts all
+/// that follows it; a direction turned by δ ⟂ d turns it by sin x δ + (1 - cos x) d × δ about the
+/// axis' origin.
+void Readings::axis_columns(int j) {
+  const int body = built.platform - n + 1 + j;
+  const Mat3 R = j == 0 ? Mat3::Identity() : at.frame[body - 1].R;
+  const Vec3 d = robot.axis[j].direction;
+  const Real x = at.y[built.mechanism.motors + j];
+  for (int k = 0; k < kAxisParameters; ++k) {
+    const int column = axis_column(robot, j) + k;
+    engine::Twist twist{R.col(k % 3), Vec3::Zero()};
+    if (k >= static_cast<int>(AxisParameter::direction_x)) {
+      const Vec3 turned = turned_only(Vec3::Unit(k % 3), d);
+      twist.turn = R * (std::sin(x) * turned + (1 - std::cos(x)) * d.cross(turned));
+      twist.velocity = at.frame[body].p.cross(twist.turn);
+    }
+    for (int rod = 0; rod < built.mechanism.closures; ++rod)
+      enter_closure(rod, column, twist * at.line[rod]);
+    for (int sensor = 0; sensor < robot.r; ++sensor)
+      entry(sensor, column) += robot.sensor[sensor].gain * (twist * platform[sensor]);
+  }
+}
+
+void Readings::parameter_columns(Real* H_xi) {
+  H = H_xi;
+  std::fill(H, H + count * width, Real(0));
+  for (int i = 0; i < n; ++i) chain_columns(i);
+  for (int j = 0; j < passive_axes(robot.mobility); ++j) axis_columns(j);
+  for (int k = 0; k < robot.r; ++k) sensor_columns(k);
+}
+}  // namespace
+
+Outcome linearise(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
+                  Extended& q_e, PoseRows& H_x, Real* H_xi) {
+  if (const Outcome outcome = read(robot, built, at, theta, q_e); !outcome) return outcome;
+  const engine::Mechanism& m = built.mechanism;
+  for (int rod = 0; rod < m.closures; ++rod)
+    if (engine::stretched(m, at, rod)) return {Status::singular, rod / built.rods_per_chain};
+  const engine::Freedoms unknown = engine::inverse(m);
+  const engine::Equations equations(m, at, unknown);
+  if (!equations.regular()) return {Status::singular, -1};
+  Readings by(robot, built, at, theta);
+  for (int c = 0; c < by.count; ++c) std::copy_n(by.e[c].begin() + by.n, by.n, H_x[c].begin());
+  for (int rod = 0; rod < m.closures; ++rod) {
+    const Unknowns u = equations.column(rod);
+    const engine::Row row = engine::row(m, at, rod);
+    for (int c = 0; c < by.count; ++c) {
+      by.S[c][rod] = sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
+      for (int j = 0; j < by.n; ++j) H_x[c][j] -= by.S[c][rod] * row[by.n + j];
+    }
+  }
+  if (H_xi) by.parameter_columns(H_xi);
+  return {};
 }
 
 void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H) {
-  std::array<Sensed, kMaxSensors> sensed;
-  for (int k = 0; k < robot.r; ++k) sensed[k] = sense(robot, robot.sensor[k], closure);
-  parameter_jacobian(robot, closure.placed(), closure.chain.data(), sensed, H);
-  axis_columns(robot, closure, sensed, H);
+  Built built;
+  build(robot, Layout::ideal, built);
+  engine::Position at;
+  at.y = stand(robot, built, closure.q(), closure.pose);
+  engine::place(built.mechanism, at);
+  Readings by(robot, built, at, closure.pose.theta);
+  // Each motor follows its own rod alone. Near a singularity J_q is the closure's, damped.
+  for (int c = 0; c < by.count; ++c)
+    for (int i = 0; i < by.n; ++i)
+      by.S[c][i] = by.e[c][i] * closure.chain[i].rate / closure.chain[i].jq;
+  by.parameter_columns(H);
 }
 }  // namespace truepose

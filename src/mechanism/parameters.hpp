@@ -1,13 +1,13 @@
 // Derivatives of all readings by all geometric parameters, H_ξ; order and names of ξ.
 //
-// Two layers: a parameter varies points, directions and lengths of a chain (Variation); the
-// readings have derivatives by those (Sensed, the closure). All at fixed pose x, the motors
-// following: ∂q/∂ξ, ∂r/∂ξ.
+// A parameter displaces frames, points or lengths of a mechanism; the readings and closures have
+// derivatives by those. All at fixed pose x, the motors following: ∂q/∂ξ, ∂r/∂ξ.
 #pragma once
 
 #include <cassert>
 
 #include "mechanism/rkm.hpp"
+#include "mechanism/sense_mechanism.hpp"
 
 namespace truepose {
 /// A parameter's name within its part, and its unit.
@@ -85,67 +85,16 @@ inline int sensor_column(const Robot& robot, int sensor) {
   return robot.chains * kChainParameters + kMaxBars + sensor * kSensorParameters;
 }
 
-/// What a parameter changes, at fixed pose and fixed encoder reading.
-struct Variation {
-  Vec3 B = Vec3::Zero(), A = Vec3::Zero();
-  Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
-  Real rod = 0;              ///< L
-  Real motor = 0;            ///< the motor's angle or position, in units of its reading
-  Real difference = 0;       ///< δ between the rods of a pair (full level)
-  Real spacing = 0;          ///< s between them
-};
-
-/// ∂q of a motor at rest with its arm at p, by the encoder's amplitudes, gain and build-up. The
-/// gain scales from 0, with whole turns left out of q as in the models.
-std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec3& p);
-/// Returns what a parameter of a chain changes. @param body  orientation of the body that carries A
-Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
-               const std::array<Real, 6>& encoder, ChainParameter parameter);
-
-/// Calls enter(column of H_ξ, variation) for each parameter of chain i. @param lever  R c
-template <class Enter>
-inline void for_each_variation(const Robot& robot, int i, Real q, const Vec3& p, const Mat3& body,
-                               const Vec3& lever, Enter&& enter) {
-  const Chain& chain = robot.chain[i];
-  const std::array<Real, 6> encoder = encoder_reading(chain, q, p);
-  const int count = kChainParameters - (chain.actuator == Actuator::revolute);
-  for (int k = 0; k < count; ++k)
-    enter(chain_column(i) + k, vary(chain, p, body, encoder, static_cast<ChainParameter>(k)));
-  if (chain.bar >= 0) {  // c moves along itself
-    Variation change;
-    change.A = lever.normalized();
-    enter(bar_column(robot, chain.bar), change);
-  }
-}
-
-/// ∂f of a rod, f = (|v|² - L²)/2, at a fixed motor reading. @param jq  ∂f/∂q
-inline Real closure_change(const Vec3& v, Real jq, Real length, const Variation& change) {
-  return v.dot(change.B - change.A) + jq * change.motor - length * change.rod;
-}
-
-/// ∂s of a sensor on the chain, at a fixed motor reading.
-Real sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
-                   Real rate, const Variation& change);
-
-/// Derivative by a unit vector, which can only turn.
-inline Vec3 turned_only(const Vec3& slope, const Vec3& unit) {
-  return slope - slope.dot(unit) * unit;
-}
-
-/// Fills the columns of H_ξ of the sensors: offset, gain, mounting.
-void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed, Real* H);
-
-/// Fills H_ξ except for passive axes. @param states  of the n chains
-void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
-                        const std::array<Sensed, kMaxSensors>& sensed, Real* H);
-
-/// Fills the columns of H_ξ of the passive axes. Each parameter moves the platform by a twist, the
-/// angles held: an origin shifts all that follows it; a direction turned by δ ⟂ d turns it by
-/// sin x δ + (1 - cos x) d × δ about the axis' origin. The readings follow as for any motion.
-void axis_columns([[maybe_unused]] const Robot& robot, [[maybe_unused]] const Closure& closure,
-                  [[maybe_unused]] const std::array<Sensed, kMaxSensors>& sensed,
-                  [[maybe_unused]] Real* H);
-
+/// q_e, H_x and, unless null, H_ξ at a closed position of any layout but the free one . At fixed x
+/// the motors and hidden freedoms u = (q, h) follow a parameter: with A = ∂f/∂u and X = ∂f/∂x of
+/// all closures f(u; x, ξ) = 0,
+///
+///     A δu + X δx + f_ξ δξ = 0        δq_e = e_u δu + e_x δx + e_ξ δξ
+///
+/// so that S = e_u A⁻¹, one row per reading, gives H_x = e_x - S X and H_ξ = e_ξ - S f_ξ.
+/// @return also singular, with the chain whose arm is stretched, or -1
+Outcome linearise(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
+                  Extended& q_e, PoseRows& H_x, Real* H_xi);
 /// Computes H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in the
 /// caller's memory. Directions and normals have unit length; else divide their columns by it.
 void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H);

@@ -161,9 +161,8 @@ auto rod_rows(const Robot& robot, const Coordinates& x) {
 auto full_rod_rows(const Robot& robot) {
   const std::size_t rods = robot.full.rods, unknowns = robot.full.unknowns;
   Owned<double> result({rods, unknowns});
-  Matrix<kMaxRods, kMaxUnknowns> rows{};
-  const bool together = bars_together(robot, robot.full.bars);
-  const Outcome outcome = full_rows(robot, together, rows);
+  std::array<engine::Row, engine::kClosures> rows;
+  const Outcome outcome = full_rows(robot, rows);
   if (!outcome) throw nb::value_error(describe(outcome.status));
   for (std::size_t rod = 0; rod < rods; ++rod)
     std::memcpy(result[rod], rows[rod].data(), unknowns * sizeof(double));

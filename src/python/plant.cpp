@@ -4,7 +4,7 @@
 
 #include "control/trajectory.hpp"
 #include "mechanism/angles_of.hpp"
-#include "mechanism/full_rkm.hpp"
+#include "mechanism/full.hpp"
 #include "python/arrays.hpp"
 #include "python/for_rows.hpp"
 #include "python/vectors.hpp"

@@ -69,12 +69,7 @@ void spoil(const Robot& truth, Random& random, Extended& q_e) {
 }
 
 Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e, Parasitic& rest) {
-  if (robot.rod_by_rod()) {
-    FullClosure closure;
-    std::array<FullRow, kMaxSensors> rows;
-    return extended_full(robot, pose, q_e, closure, rows, &rest);
-  }
-  return extended(robot, pose, q_e);
+  return robot.rod_by_rod() ? extended_full(robot, pose, q_e, &rest) : extended(robot, pose, q_e);
 }
 
 Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {

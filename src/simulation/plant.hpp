@@ -5,7 +5,7 @@
 #include <random>
 
 #include "control/dynamics.hpp"
-#include "mechanism/full_rkm.hpp"
+#include "mechanism/full.hpp"
 
 namespace truepose {
 /// State of the plant: pose and free twist. Its Robot is the true one.

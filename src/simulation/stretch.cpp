@@ -18,103 +18,73 @@ Real weight_of_arm(const Robot& robot, const Chain& chain, const Vec3& dB) {
   return -0.5 * (chain.arm_mass + chain.rod_mass) * robot.gravity.dot(dB);
 }
 
-/// Ideal level.
-Outcome pull(const Robot& robot, const Closure& at, const Load& load, Pull& pull) {
-  const int n = dof(robot.mobility);
-  RowMatrix G(n, n);
-  std::vector<double> w(n), T;
-  Coordinates row;
-  const auto hang = [&](const Vec3& force, const Vec3& lever) {
-    free_row(at.carried, force, lever.cross(force), row.data());
-    add_scaled(n, 1, row.data(), w.data());
+/// The rods of a closed position at either level.
+Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engine::Position& at,
+             const Load& load, Pull& pull) {
+  const engine::Mechanism& m = built.mechanism;
+  const engine::Frame& platform = at.frame[built.platform];
+  const int freedoms = m.freedoms - m.motors, per = built.rods_per_chain;
+  std::array<double, engine::kClosures> length, by_motor;
+  RowMatrix G(m.closures, freedoms);
+  engine::Row weight{};
+  std::vector<double> T;
+  const auto hang = [&](const Vec3& force, int body, const Vec3& point) {
+    engine::add_line(m, at, body, engine::line_through(point, force), 1, weight);
   };
-  hang(load.force, Vec3::Zero());
-  for (int k = 0; k < robot.bodies; ++k)
-    hang(robot.body[k].mass * robot.gravity, at.placed().R * robot.body[k].pivot);
-  for (int i = 0; i < n; ++i) {
-    const ChainState& chain = at.chain[i];
-    hang(0.5 * robot.chain[i].rod_mass * robot.gravity, chain.lever);
-    jx_row(at.carried, chain.v, chain.lever, row.data());
-    add_scaled(n, 1 / chain.v.norm(), row.data(), G[i]);
-  }
-  if (!held(G, w, T)) return {Status::singular, -1};
-  for (int i = 0; i < n; ++i) {
-    pull.tension[i] = std::isnan(load.tension[i]) ? T[i] : load.tension[i];
-    pull.length[i] = pull.tension[i] * at.chain[i].v.norm();
-    pull.difference[i] = 0;
-    pull.rate[i] = at.chain[i].rate;
-    pull.torque[i] = (pull.tension[i] * at.chain[i].jq / at.chain[i].v.norm() +
-                      weight_of_arm(robot, robot.chain[i], at.chain[i].dB)) /
-                     pull.rate[i];
-  }
-  return {};
-}
-
-/// Full level.
-Outcome pull(const Robot& robot, const FullClosure& at, const Load& load, Pull& pull) {
-  const int n = dof(robot.mobility), N = rods_of(robot);
-  const bool together = bars_together(robot, robot.full.bars);
-  const Mat3& R = at.pose.R;
-  RowMatrix G(N, robot.full.unknowns);
-  std::vector<double> w(8), T;
-  const auto hang = [&](const Vec3& force, const Vec3& pivot, const Vec3& arm, int bar) {
-    const Vec3 moment = (pivot + arm).cross(force);
-    for (int k = 0; k < 3; ++k) {
-      w[k] += force[k];
-      w[3 + k] += moment[k];
-    }
-    if (bar >= 0) w[together ? 6 : 6 + bar] += R.col(2).dot(arm.cross(force));
-  };
-  hang(load.force, Vec3::Zero(), Vec3::Zero(), -1);
+  hang(load.force, built.platform, platform.p);
   for (int k = 0; k < robot.bodies; ++k) {
     const Body& body = robot.body[k];
-    const Mat3 turned = body.bar < 0 ? R : R * rotation_z(at.pose.psi[body.bar]);
-    hang(body.mass * robot.gravity, R * body.pivot, turned * body.anchor, body.bar);
+    int carrier = built.platform;
+    for (int i = 0; i < m.motors && body.bar >= 0; ++i)
+      if (robot.chain[i].bar == body.bar) carrier = built.bar[i];
+    const Vec3 anchor = built.layout == Layout::ideal ? Vec3::Zero() : body.anchor;
+    hang(body.mass * robot.gravity, carrier,
+         platform.p + platform.R * body.pivot + at.frame[carrier].R * anchor);
   }
-  for (int rod = 0; rod < N; ++rod) {
-    const Chain& chain = robot.chain[rod / 2];
-    hang(0.25 * chain.rod_mass * robot.gravity, at.lever[rod] - at.arm[rod], at.arm[rod],
-         chain.bar);
-    std::array<Real, kMaxUnknowns> row;
-    full_row(robot, at, rod, row);
-    if (together) row[6] += row[7];
-    add_scaled(G.cols(), 1 / at.v[rod].norm(), row.data(), G[rod]);
+  for (int rod = 0; rod < m.closures; ++rod) {
+    const int i = rod / per;
+    hang(0.5 / per * robot.chain[i].rod_mass * robot.gravity, built.bar[i], at.A[rod]);
+    const engine::Row row = engine::row(m, at, rod);
+    length[rod] = (at.A[rod] - at.B[rod]).norm();
+    by_motor[rod] = row[i] / length[rod];
+    for (int j = 0; j < freedoms; ++j) G[rod][j] = -row[m.motors + j] / length[rod];
   }
-  w.resize(G.cols());
-  if (!held(G, w, T)) return {Status::singular, -1};
-  for (int i = 0; i < n; ++i) {
-    Real of[2] = {T[2 * i], T[2 * i + 1]}, sum = of[0] + of[1];
-    if (!std::isnan(load.tension[i])) {
-      for (Real& one : of) one += 0.5 * (load.tension[i] - sum);
-      sum = load.tension[i];
+  const auto w = weight.begin() + m.motors;
+  if (!held(G, {w, w + freedoms}, T)) return {Status::singular, -1};
+  for (int i = 0; i < m.motors; ++i) {
+    const Driven driven = driven_point(robot.chain[i], q[i]);
+    double* of = T.data() + per * i;
+    const double sum = per == 1 ? of[0] : of[0] + of[1];
+    pull.tension[i] = std::isnan(load.tension[i]) ? sum : load.tension[i];
+    pull.rate[i] = driven.rate;
+    pull.torque[i] = weight_of_arm(robot, robot.chain[i], driven.dB) / driven.rate;
+    pull.length[i] = pull.difference[i] = 0;
+    for (int side = 0; side < per; ++side) {
+      const double tension = of[side] + (pull.tension[i] - sum) / per;
+      const double growth = tension * length[per * i + side];
+      pull.torque[i] += tension * by_motor[per * i + side];
+      pull.length[i] += growth;
+      if (per == 2) pull.difference[i] += side == 0 ? 2 * growth : -2 * growth;
     }
-    pull.torque[i] = weight_of_arm(robot, robot.chain[i], at.driven[i].dB);
-    for (int side = 0; side < 2; ++side) {
-      const Real length = at.v[2 * i + side].norm();
-      pull.torque[i] += of[side] * at.jq[2 * i + side] / length;
-      of[side] *= length;
-    }
-    pull.torque[i] /= at.driven[i].rate;
-    pull.tension[i] = sum;
-    pull.length[i] = of[0] + of[1];
-    pull.difference[i] = 2 * (of[0] - of[1]);
-    pull.rate[i] = at.driven[i].rate;
   }
   return {};
 }
-
 }  // namespace
 
 Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by) {
   if (!robot.finished) return {Status::unfinished, -1};
+  FullClosure at;
   if (level == Level::full && robot.full.own()) {
-    FullClosure at;
     const Outcome outcome = ikm_full(robot, pose, at);
-    return outcome ? pull(robot, at, load, by) : outcome;
+    return outcome ? pull(robot, at.q, at.built, at.at, load, by) : outcome;
   }
-  Closure at;
-  const Outcome outcome = ikm(robot, pose, at);
-  return outcome ? pull(robot, at, load, by) : outcome;
+  Closure ideal;
+  const Outcome outcome = ikm(robot, pose, ideal);
+  if (!outcome) return outcome;
+  build(robot, Layout::ideal, at.built);
+  at.at.y = stand(robot, at.built, ideal.q(), pose);
+  engine::place(at.built.mechanism, at.at);
+  return pull(robot, ideal.q(), at.built, at.at, load, by);
 }
 
 Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Joint& compliance,

@@ -41,7 +41,7 @@ struct Pull {
   Joint torque{};      ///< of its motor, N·m or N
 };
 
-/// At a pose held by the motors. At the full level a pair shares a measured tension with the
+/// At a pose held by the motors, at either level. A pair shares a measured tension with the
 /// difference that holds the load.
 /// @return singular where the rods hold nothing along some freedom
 Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by);

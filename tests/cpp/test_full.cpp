@@ -1,6 +1,6 @@
 // Closure of every rod when the axes are not exact. The full level against its own closures.
 #include "full_robots.hpp"
-#include "mechanism/full_rkm.hpp"
+#include "mechanism/full.hpp"
 
 using namespace mechanisms;
 
@@ -38,11 +38,11 @@ TEST_EACH(for_each_full,
     if (!finish_full(robot) || robot.full.kind != FullKind::exists) ++lost;
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     FullClosure closure, back;
-    const FullResult there = ikm_full(robot, pose, closure);
+    const FkmResult there = ikm_full(robot, pose, closure);
     gap = std::max(gap, largest_gap(robot, closure.pose, closure.q));
     FullPose near = to_full(nearby(K, pose, random, 1e-3)), far = to_full(to_pose(K, robot.home));
-    const FullResult once = fkm_full(robot, closure.q, near, back);
-    const FullResult again = fkm_full(robot, closure.q, far, back);
+    const FkmResult once = fkm_full(robot, closure.q, near, back);
+    const FkmResult again = fkm_full(robot, closure.q, far, back);
     if (!there || !once || !again) ++lost;
     for (const FullPose& found : {near, far}) {
       gap = std::max(gap, largest_gap(robot, found, closure.q));
@@ -73,13 +73,15 @@ TEST("a tilt that keeps θ has the two turns asked for, and leaves θ where it w
 
 /// Energy of the rods' stretches f/L, for stiffness 1.
 double energy(const Robot& robot, const FullPose& pose, const Joint& q) {
-  FullClosure at;
-  at.pose = pose;
-  for (int i = 0; i < dof(robot.mobility); ++i) at.driven[i] = driven_point(robot.chain[i], q[i]);
-  complete_closure(robot, at);
+  Built built;
+  build(robot, Layout::free, built);  // any pose, no rod relaxed
+  engine::Position at;
+  at.y = stand(robot, built, q, pose);
+  for (int k = 0; k < robot.full.bars; ++k) at.y[built.turn_of(robot, k)] = pose.psi[k];
+  engine::place(built.mechanism, at);
   double sum = 0;
-  for (int rod = 0; rod < rods_of(robot); ++rod)
-    sum += 0.5 * std::pow(at.f[rod] / at.driven[rod / 2].rod, 2);
+  for (int rod = 0; rod < built.mechanism.closures; ++rod)
+    sum += 0.5 * std::pow(at.f[rod] / robot.chain[rod / 2].rod, 2);
   return sum;
 }
 
@@ -134,8 +136,8 @@ TEST_EACH(for_each_full, "a solution that starts at its neighbour's is the same,
     FullClosure first, from_ideal, from_near;
     Parasitic rest;
     CHECK(ikm_full(robot, pose, first, &rest) && rest.known);
-    const FullResult one = ikm_full(robot, next, from_ideal);
-    const FullResult other = ikm_full(robot, next, from_near, &rest);
+    const FkmResult one = ikm_full(robot, next, from_ideal);
+    const FkmResult other = ikm_full(robot, next, from_near, &rest);
     CHECK(one && other);
     cold += one.iterations;
     warm += other.iterations;

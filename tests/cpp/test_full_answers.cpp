@@ -1,7 +1,7 @@
 // Answers of the full level. A Jacobian that is its derivative, readings that follow, whether
 // it exists at all, and a status where it cannot answer.
 #include "full_robots.hpp"
-#include "mechanism/full_rkm.hpp"
+#include "mechanism/full.hpp"
 
 using namespace mechanisms;
 
@@ -32,13 +32,13 @@ TEST_EACH(
     }
     const Joint x = random_pose(mechanism, random);
     FullClosure closure;
-    FullJacobians jacobians;
-    JointMatrix J;
-    Reading r;
-    std::array<FullRow, kMaxSensors> rows;
+    JointMatrix of_closure, J;
     CHECK(ikm_full(robot, to_pose(K, x), closure));
-    CHECK(jacobian_full(robot, closure, jacobians) && jacobian_full(robot, x, J));
-    CHECK(rkm_full(robot, closure, r, rows));
+    CHECK(jacobian_full(robot, closure, of_closure) && jacobian_full(robot, x, J));
+    const engine::Mechanism& rods = closure.built.mechanism;
+    const engine::Freedoms unknown = engine::forward(rods);
+    Matrix<kMaxUnknowns, kMaxUnknowns> rates;
+    CHECK(engine::follow(rods, closure.at, unknown, engine::motors(rods), rates));
     const auto moved_to = [&](int motor, double h) {
       Joint q = closure.q;
       q[motor] += h;
@@ -49,19 +49,23 @@ TEST_EACH(
     };
     for (int m = 0; m < n; ++m) {
       for (int i = 0; i < n; ++i) {
-        CHECK(J[i][m] == jacobians.J[i][m]);
+        CHECK(J[i][m] == of_closure[i][m]);
         const double slope = derivative(
             [&](double h) { return difference(K, moved_to(m, h).pose, closure.pose)[i]; });
         CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
       }
       for (int s = 0; s < robot.r; ++s) {
-        double chained = 0;
-        for (int i = 0; i < rods_of(robot); ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
+        const Sensor& sensor = robot.sensor[s];
+        const engine::Row row =
+            sense(robot, closure.built, closure.at, closure.pose.theta, sensor).row;
+        double chained = sensor.gain * row[m];
+        for (int i = 0; i < unknown.count; ++i)
+          chained += sensor.gain * row[unknown.index[i]] * rates[i][m];
         const double slope = derivative([&](double h) {
-          Reading there;
-          std::array<FullRow, kMaxSensors> unused;
-          CHECK(rkm_full(robot, moved_to(m, h), there, unused));
-          return there[s];
+          const FullClosure there = moved_to(m, h);
+          Extended q_e;
+          CHECK(read(robot, there.built, there.at, there.pose.theta, q_e));
+          return q_e[n + s];
         });
         CHECK_NEAR(chained, slope, 1e-7 * (1 + std::fabs(slope)));
       }
@@ -178,7 +182,7 @@ TEST_EACH(for_each_full,
   check::Random random(97);
   for (long k = 0; k < check::sample_size(2000); ++k) {
     Joint x = random_joint(random, 2);
-    const FullResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
+    const FkmResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
     CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, n)));
     CHECK(!result || result.residual < 1e-12);
     Joint q{};

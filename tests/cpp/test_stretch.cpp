@@ -57,7 +57,7 @@ double work_at(const Robot& robot, const Load& load, bool full, const Joint& q, 
     FullClosure at;
     CHECK(fkm_full(robot, q, pose, at));
     return work(robot, load, at.pose, at.pose.psi, true,
-                [&](int i) { return 0.5 * (at.lever[2 * i] + at.lever[2 * i + 1]); });
+                [&](int i) { return 0.5 * (at.at.A[2 * i] + at.at.A[2 * i + 1]) - at.pose.D; });
   }
   Pose pose = near;
   CHECK(fkm(robot, q, pose));

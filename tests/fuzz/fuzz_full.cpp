@@ -1,6 +1,6 @@
 // Fuzz target of the full level.
 #include "decode.hpp"
-#include "mechanism/full_rkm.hpp"
+#include "mechanism/full.hpp"
 
 using namespace fuzz;
 
@@ -18,7 +18,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (jacobian_full(robot, x, J)) require(finite(J, n, n), "full jacobian: ok is finite");
   Reading values;
   if (rkm_full(robot, x, values)) require(all_finite(values, robot.r), "full rkm: ok is finite");
-  const FullResult result = fkm_full(robot, q, found);
+  const FkmResult result = fkm_full(robot, q, found);
   require(result.iterations <= 2 * kFkmIterations, "full fkm: iterations are bounded");
   if (!result) return 0;
   require(all_finite(found, n), "full fkm: ok is finite");

@@ -1,0 +1,120 @@
+#include "mechanism/build.hpp"
+
+namespace truepose {
+namespace {
+using engine::Body;
+using engine::Kind;
+
+/// Adds bodies one by one, each with freedoms of its own.
+struct Builder {
+  engine::Mechanism& m;
+
+  int add(const Body& body) {
+    m.body[m.bodies] = body;
+    m.freedoms = std::max(m.freedoms, body.freedom + body.count);
+    return m.bodies++;
+  }
+  int hinge(int parent, const Vec3& origin, const Vec3& axis) {
+    return add({Kind::hinge, parent, m.freedoms, 1, origin, axis});
+  }
+};
+
+/// The joints that carry the platform, and the freedom of its yaw.
+void carry_platform(const Robot& robot, Builder builder, Built& built) {
+  const Mobility mobility = robot.mobility;
+  int& platform = built.platform = -1;
+  built.yaw = -1;
+  if (is_rotational(mobility) && built.layout != Layout::free) {
+    for (int j = 0; j < passive_axes(mobility); ++j)
+      platform = builder.hinge(platform, robot.axis[j].origin, robot.axis[j].direction);
+    return;
+  }
+  const bool free = built.layout == Layout::free, full = built.layout == Layout::full;
+  const int positions = free ? 3 : positions_of(mobility);
+  platform = builder.add({Kind::shift, -1, builder.m.freedoms, positions});
+  if (free || mobility == Mobility::spatial)
+    platform = builder.add({Kind::ball, platform, builder.m.freedoms, 3});
+  else if (turns_about_z(mobility) || full)
+    platform = builder.hinge(platform, Vec3::Zero(), Vec3::UnitZ());
+  if (!free && (turns_about_z(mobility) || full)) built.yaw = builder.m.freedoms - 1;
+  if (!full) return;
+  platform = builder.hinge(platform, Vec3::Zero(), Vec3::UnitY());  // hidden: it tilts
+  platform = builder.hinge(platform, Vec3::Zero(), Vec3::UnitX());
+}
+
+/// The body that carries A of chain i: the platform, or a bar that turns about z at c.
+int carrier(const Robot& robot, int i, Builder builder, const Built& built) {
+  const Chain& chain = robot.chain[i];
+  if (built.layout == Layout::ideal) {
+    const bool keeps = chain.bar >= 0 || chain.anchor.squaredNorm() > 0;
+    if (!turns_about_z(robot.mobility) || !keeps) return built.platform;
+    return builder.add({Kind::hinge, built.platform, built.yaw, 1, chain.pivot, Vec3::UnitZ(), -1});
+  }
+  if (chain.bar < 0) return built.platform;
+  for (int k = 0; k < i; ++k)
+    if (robot.chain[k].bar == chain.bar && (robot.chain[k].pivot - chain.pivot).squaredNorm() == 0)
+      return built.bar[k];
+  const int freedom = built.turn_of(robot, chain.bar);
+  return builder.add({Kind::hinge, built.platform, freedom, 1, chain.pivot, Vec3::UnitZ()});
+}
+}  // namespace
+
+void build(const Robot& robot, Layout layout, Built& built) {
+  const int n = dof(robot.mobility);
+  built.layout = layout;
+  built.rods_per_chain = layout == Layout::ideal ? 1 : 2;
+  engine::Mechanism& m = built.mechanism;
+  Builder builder{m};
+  m.bodies = m.closures = 0;
+  m.motors = m.freedoms = n;
+  m.coordinates = layout == Layout::free ? 6 : n;
+  m.elastic = layout == Layout::full && robot.full.kind == FullKind::elastic;
+  m.sign = layout == Layout::full ? robot.full.sign : robot.assembly_sign;
+  for (int i = 0; i < n; ++i) {
+    const Chain& chain = robot.chain[i];
+    const Kind kind = chain.actuator == Actuator::revolute ? Kind::hinge : Kind::slide;
+    const bool leg = chain.actuator == Actuator::telescopic;
+    built.arm[i] = leg ? -1 : builder.add({kind, -1, i, 1, chain.base, chain.axis});
+  }
+  carry_platform(robot, builder, built);
+  built.turn = m.freedoms;
+  for (int i = 0; i < n; ++i) {
+    const Chain& chain = robot.chain[i];
+    const bool leg = chain.actuator == Actuator::telescopic;
+    const int bar = built.bar[i] = carrier(robot, i, builder, built);
+    const Vec3 A = bar == built.platform ? chain.pivot + chain.anchor : chain.anchor;
+    const Vec3 B = leg                                    ? chain.base
+                   : chain.actuator == Actuator::revolute ? chain.arm * chain.zero
+                                                          : Vec3::Zero();
+    for (int rod = 0; rod < built.rods_per_chain; ++rod) {
+      const Real half = built.rods_per_chain == 1 ? 0 : rod == 0 ? 0.5 : -0.5;
+      engine::Closure& closure = m.closure[m.closures++];
+      closure.body_a = bar;
+      closure.body_b = built.arm[i];
+      closure.a = A + half * chain.rod_spacing * chain.pair_drawn;
+      closure.b = B + half * chain.rod_spacing * pair_direction(chain);
+      closure.length = (leg ? 0 : chain.rod) + half * chain.rod_difference;
+      closure.compliance = chain.rod * chain.rod;
+      (leg ? closure.driven : closure.motor) = i;
+      closure.mode = leg ? 0 : chain.working_mode;
+    }
+  }
+}
+
+engine::Row stand(const Robot& robot, const Built& built, const Joint& q, const Pose& pose) {
+  const engine::Mechanism& m = built.mechanism;
+  engine::Row y{};
+  for (int i = 0; i < m.motors; ++i) y[i] = motor_position(robot.chain[i], q[i]);
+  Real* x = y.data() + m.motors;
+  if (built.layout == Layout::free) {
+    const Vec3 w = log_so3(pose.R);
+    std::copy_n(pose.D.data(), 3, x);
+    std::copy_n(w.data(), 3, x + 3);
+  } else {
+    const Coordinates coordinates = to_coordinates(robot.mobility, pose);
+    std::copy_n(coordinates.begin(), m.coordinates, x);
+  }
+  std::fill(y.begin() + built.turn, y.begin() + m.freedoms, -pose.theta);
+  return y;
+}
+}  // namespace truepose

@@ -1,0 +1,182 @@
+// Solution of a mechanism's closures for any set of unknown freedoms, and its derivatives.
+#include "math/newton.hpp"
+#include "mechanism/mechanism.hpp"
+
+namespace truepose::engine {
+namespace {
+/// Moves the unknown freedoms by -step; a ball by a small turn.
+void move(const Mechanism& mechanism, const Position& from, const Freedoms& unknown,
+          const Unknowns& step, Position& to) {
+  std::copy_n(from.y.begin(), mechanism.freedoms, to.y.begin());
+  for (int j = 0; j < unknown.count; ++j) to.y[unknown.index[j]] -= step[j];
+  for (int b = 0; b < mechanism.bodies; ++b) {
+    if (mechanism.body[b].kind != Kind::ball) continue;
+    const int first = mechanism.body[b].freedom;
+    const Vec3 w(from.y[first], from.y[first + 1], from.y[first + 2]);
+    const Vec3 turn = Vec3(to.y[first], to.y[first + 1], to.y[first + 2]) - w;
+    if (turn.squaredNorm() == 0) continue;
+    const Vec3 turned = log_so3(exp_so3(turn) * exp_so3(w));
+    std::copy_n(turned.data(), 3, to.y.begin() + first);
+  }
+}
+
+/// Bodies that the unknown freedoms move, as bits.
+unsigned moved_by(const Mechanism& mechanism, const Freedoms& unknown) {
+  unsigned moving = 0;
+  for (int b = 0; b < mechanism.bodies; ++b) {
+    const Body& body = mechanism.body[b];
+    bool moves = body.parent >= 0 && (moving >> body.parent & 1);
+    for (int j = 0; j < unknown.count; ++j)
+      moves = moves ||
+              (unknown.index[j] >= body.freedom && unknown.index[j] < body.freedom + body.count);
+    moving |= unsigned(moves) << b;
+  }
+  return moving;
+}
+
+/// The first closure in another working mode, or -1.
+int other_working_mode(const Mechanism& mechanism, const Position& at) {
+  for (int i = 0; i < mechanism.closures; ++i)
+    if (const int mode = mechanism.closure[i].mode; mode != 0 && mode_of(mechanism, at, i) == -mode)
+      return i;
+  return -1;
+}
+}  // namespace
+
+Freedoms motors(const Mechanism& mechanism) {
+  Freedoms list;
+  list.add(0, mechanism.motors);
+  return list;
+}
+Freedoms forward(const Mechanism& mechanism) {
+  Freedoms list;
+  list.add(mechanism.motors, mechanism.freedoms);
+  return list;
+}
+Freedoms inverse(const Mechanism& mechanism) {
+  Freedoms list = motors(mechanism);
+  list.add(mechanism.motors + mechanism.coordinates, mechanism.freedoms);
+  return list;
+}
+
+Equations::Equations(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+                     Real damping, bool stressed)
+    : closures_(mechanism.closures),
+      unknowns_(unknown.count + stressed),
+      factor_(factored(mechanism, at, unknown, damping)) {}
+
+Ldlt Equations::factored(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+                         Real damping) {
+  Square normal{};  // AᵀA + damping · diag(size), lower triangle
+  Unknowns size{};
+  Row sizes{};
+  for (int i = 0; i < closures_; ++i) {
+    const Row by = row(mechanism, at, i, sizes);
+    Unknowns& A = A_[i];
+    for (int j = 0; j < unknown.count; ++j) A[j] = by[unknown.index[j]];
+    if (unknowns_ > unknown.count) {  // f - λ stress: λ is the last unknown
+      A[unknown.count] = -at.stress[i];
+      size[unknown.count] += at.stress[i] * at.stress[i];
+    }
+    for (int j = 0; j < unknowns_; ++j)
+      for (int k = 0; k <= j; ++k) normal[j][k] += A[j] * A[k];
+  }
+  for (int j = 0; j < unknown.count; ++j) size[j] = sizes[unknown.index[j]];
+  for (int j = 0; j < unknowns_; ++j) normal[j][j] += damping * size[j];
+  return {unknowns_, normal, size};
+}
+
+Unknowns Equations::solve(const std::array<Real, kClosures>& b) const {
+  Unknowns x;
+  for (int j = 0; j < unknowns_; ++j)
+    x[j] = sum_of(closures_, [&](int i) { return A_[i][j] * b[i]; });
+  factor_.solve(x);
+  return x;
+}
+
+Unknowns Equations::column(int closure) const {
+  Unknowns x = A_[closure];
+  factor_.solve(x);
+  return x;
+}
+
+std::array<Real, kClosures> Equations::unrelieved(int closure) const {
+  const Unknowns x = column(closure);
+  std::array<Real, kClosures> rest{};
+  for (int i = 0; i < closures_; ++i)
+    rest[i] = Real(i == closure) - sum_of(unknowns_, [&](int j) { return A_[i][j] * x[j]; });
+  return rest;
+}
+
+FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknown, int most,
+                bool near) {
+  place(mechanism, at);
+  FkmResult result;
+  Real scale = 0;  // the longest rod
+  for (int i = 0; i < mechanism.closures; ++i) {
+    if (mechanism.closure[i].plane) continue;
+    const Real length = length_of(mechanism, at, i);
+    if (!(length > 0)) return {{Status::unreachable, i}};
+    scale = std::max(scale, length);
+  }
+  if (!std::isfinite(at.cost)) return {{Status::not_finite, -1}};
+
+  NewtonEnd end;
+  if (!(near && at.residual <= kRounding * scale)) {
+    const unsigned moving = moved_by(mechanism, unknown);
+    Position other;
+    for (int b = 0; b < mechanism.bodies; ++b) other.frame[b] = at.frame[b];
+    Position *current = &at, *trial = &other;
+    end = damped_newton(
+        current, trial, scale, most,
+        [&](const Position& from, Real damping) {
+          return Equations(mechanism, from, unknown, damping);
+        },
+        [&](const Position& from, const Equations& equations, Position& after) {
+          move(mechanism, from, unknown, equations.solve(from.f), after);
+          place(mechanism, after, moving);
+        });
+    if (current != &at) at = *current;
+  }
+  result.iterations = end.iterations;
+  result.residual = at.residual;
+  if (!(at.residual < kClosed * scale)) {
+    // Close, but crawling: towards a singular position (fkm.hpp).
+    const bool crawls = at.residual < fkm_detail::kCrawls * scale && end.damping > 0;
+    result.status = crawls ? Status::singular : Status::not_converged;
+  } else if (!end.regular) {
+    result.status = Status::singular;
+  } else if ((result.chain = other_working_mode(mechanism, at)) >= 0) {
+    result.status = Status::branch_lost;
+  }
+  return result;
+}
+
+Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+               const Freedoms& held, Matrix<kMaxUnknowns, kMaxUnknowns>& rates) {
+  std::array<Row, kClosures> by;
+  for (int i = 0; i < mechanism.closures; ++i) {
+    if (stretched(mechanism, at, i)) return {Status::singular, i};
+    by[i] = row(mechanism, at, i);
+  }
+  const Equations equations(mechanism, at, unknown);
+  if (!equations.regular()) return {Status::singular, -1};
+  std::array<Real, kClosures> f;
+  for (int j = 0; j < held.count; ++j) {
+    for (int i = 0; i < mechanism.closures; ++i) f[i] = -by[i][held.index[j]];
+    const Unknowns column = equations.solve(f);
+    for (int i = 0; i < unknown.count; ++i) rates[i][j] = column[i];
+  }
+  return {};
+}
+
+int mode_of(const Mechanism& mechanism, const Position& at) {
+  const Freedoms free = forward(mechanism);
+  Square rows;
+  for (int i = 0; i < mechanism.closures; ++i) {
+    const Row by = row(mechanism, at, i);
+    for (int j = 0; j < free.count; ++j) rows[i][j] = by[free.index[j]];
+  }
+  return free.count == mechanism.closures ? determinant_sign(free.count, rows) : 0;
+}
+}  // namespace truepose::engine

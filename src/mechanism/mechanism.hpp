@@ -1,0 +1,212 @@
+// The engine: a mechanism is bodies on joints in a tree from the base, closures between them, and
+// freedoms y that are held or unknown.
+//
+// The velocities of a rod's two ends have the same component along it, so the derivative of every
+// closure and every reading, by any freedom or displacement, is *twist times line*.
+#pragma once
+
+#include "mechanism/fkm.hpp"
+
+namespace truepose::engine {
+inline constexpr int kBodies = 20, kFreedoms = 24, kClosures = kMaxRods;
+
+enum class Kind : int {
+  slide = 0,  ///< along its axis
+  shift = 1,  ///< along x, y (and z, with three freedoms) of its parent
+  hinge = 2,  ///< about its axis
+  ball = 3,   ///< y: its rotation vector, moved by small turns about x, y, z of its parent
+};
+
+/// A body and the joint that carries it. With all freedoms at zero, all frames are parallel.
+struct Body {
+  Kind kind = Kind::hinge;
+  int parent = -1;             ///< -1: the base; else a body before this one
+  int freedom = 0;             ///< the first of its freedoms; several bodies may share one
+  int count = 1;               ///< of its freedoms
+  Vec3 origin = Vec3::Zero();  ///< of the joint, in the parent
+  Vec3 axis = Vec3::UnitZ();   ///< of a slide or hinge, unit, in the parent
+  Real ratio = 1, offset = 0;  ///< a slide or hinge is at offset + ratio y
+};
+
+/// A rod |A - B| = L between points of two bodies; or, as a plane, (A - B)·normal = 0.
+struct Closure {
+  int body_a = -1, body_b = -1;  ///< -1: the base
+  Vec3 a = Vec3::Zero(), b = Vec3::Zero();
+  Real length = 0;
+  int driven = -1;      ///< freedom that adds to the length; -1: none
+  int motor = -1;       ///< freedom that moves B by an arm or carriage; -1: none
+  int mode = 0;         ///< working mode: sign of the derivative by `motor`; 0: not checked
+  Real compliance = 1;  ///< of an elastic mechanism: change of f per tension (L² for equal springs)
+  bool plane = false;
+  Vec3 normal = Vec3::UnitZ();  ///< of a plane, unit, in the body of B
+};
+
+/// y = [motors q; platform coordinates x; hidden h]. Only the first of each kind are read.
+struct Mechanism {
+  int bodies = 0, closures = 0;
+  int motors = 0, coordinates = 0, freedoms = 0;
+  int sign = 0;  ///< assembly mode: of det ∂f/∂(x, h), as of mode_of; 0: not checked
+  /// One closure more than x and h need: all deflect, equally stiff, as little as closes the loops.
+  bool elastic = false;
+  std::array<Body, kBodies> body;
+  std::array<Closure, kClosures> closure;
+};
+
+/// A list of freedoms: the unknown ones of a solution, or the held ones that move.
+struct Freedoms {
+  int count = 0;
+  std::array<int, kFreedoms> index;
+
+  void add(int first, int end) {
+    for (int j = first; j < end; ++j) index[count++] = j;
+  }
+};
+Freedoms motors(const Mechanism& mechanism);
+/// x and h, which follow from the motors.
+Freedoms forward(const Mechanism& mechanism);
+/// q and h, which follow from x.
+Freedoms inverse(const Mechanism& mechanism);
+
+/// Velocity of the body's point at the base's origin, and angular velocity.
+struct Twist {
+  Vec3 velocity, turn;
+};
+/// A force along a line and its moment about the base's origin; any derivative by a body's motion.
+struct Line {
+  Vec3 force, moment;
+};
+inline Line line_through(const Vec3& point, const Vec3& force) {
+  return {force, point.cross(force)};
+}
+/// Twist times line.
+inline Real operator*(const Twist& twist, const Line& line) {
+  return twist.velocity.dot(line.force) + twist.turn.dot(line.moment);
+}
+
+/// Frame of a body, and the twists that its own freedoms give it.
+struct Frame {
+  Vec3 p;
+  Mat3 R;
+  std::array<Twist, 3> twist;
+};
+
+/// A mechanism in one position, its loops closed or not.
+struct Position {
+  std::array<Real, kFreedoms> y{};
+  std::array<Frame, kBodies> frame;
+  std::array<Vec3, kClosures> A, B;
+  std::array<Line, kClosures> line;      ///< ∂f/∂(motion of A's body); of B's body with a minus
+  std::array<Real, kClosures> f;         ///< (|A - B|² - L²)/2, or a plane's distance
+  std::array<Real, kClosures> stress{};  ///< of an elastic mechanism, already taken from f
+  Real cost = 0;                         ///< Σf²
+  Real residual = 0;                     ///< largest gap, m
+
+  Vec3 point(int body, const Vec3& x) const {
+    return body < 0 ? x : frame[body].p + frame[body].R * x;
+  }
+  Vec3 direction(int body, const Vec3& x) const { return body < 0 ? x : frame[body].R * x; }
+};
+
+/// A row over all freedoms: the derivative of a closure or reading.
+using Row = std::array<Real, kFreedoms>;
+
+Real length_of(const Mechanism& mechanism, const Position& at, int closure);
+
+/// Frames of all bodies and values of all closures from y. @param moving  bodies to place, as bits
+void place(const Mechanism& mechanism, Position& at, unsigned moving = ~0u);
+
+/// Adds sign · (twist times line) by every freedom that moves a body.
+void add_line(const Mechanism& mechanism, const Position& at, int body, const Line& line, Real sign,
+              Row& row);
+
+/// ∂f/∂y of a closure. @param size  in, out: adds what |∂f/∂y|² would be if y moved the ends along
+/// the line; makes tests of rank independent of metres and radians
+Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size);
+inline Row row(const Mechanism& mechanism, const Position& at, int closure) {
+  Row size{};
+  return row(mechanism, at, closure, size);
+}
+
+/// Sign of a closure's derivative by the motor that moves B, which tells working modes apart; 0:
+/// its arm and rod are in line.
+int mode_of(const Mechanism& mechanism, const Position& at, int closure);
+/// Whether an arm and its rod are in line.
+inline bool stretched(const Mechanism& mechanism, const Position& at, int closure) {
+  return mechanism.closure[closure].motor >= 0 && mode_of(mechanism, at, closure) == 0;
+}
+
+/// The closures' equations A δ = b for the unknown freedoms, A = ∂f/∂unknown; in least squares
+/// where there are more closures (redundant motors).
+class Equations {
+ public:
+  /// @param stressed  an elastic mechanism's stress is one unknown more, the last
+  Equations(const Mechanism& mechanism, const Position& at, const Freedoms& unknown, Real damping,
+            bool stressed);
+  Equations(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+            Real damping = 0)
+      : Equations(mechanism, at, unknown, damping, mechanism.elastic) {}
+
+  bool regular() const { return factor_.regular(); }
+  /// A⁺ b.
+  Unknowns solve(const std::array<Real, kClosures>& b) const;
+  /// Column i of A⁺.
+  Unknowns column(int closure) const;
+  /// Column i of 1 - A A⁺: what no unknown relieves.
+  std::array<Real, kClosures> unrelieved(int closure) const;
+
+ private:
+  Ldlt factored(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+                Real damping);
+
+  int closures_, unknowns_;
+  std::array<Unknowns, kClosures> A_;
+  Ldlt factor_;
+};
+
+/// Solves all closures for the unknown freedoms, the others held, by damped Newton iteration.
+/// @param at    in: y, the start; out: the position (the last iterate if not ok)
+/// @param near  take a start that closes to rounding as it is, its rank not tested
+/// @return unreachable: a rod of no length; not_finite; not_converged; singular; branch_lost: in
+/// another working mode; with the closure, in `chain`
+FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknown,
+                int most = kFkmIterations, bool near = false);
+
+/// Rates of the unknown freedoms by the held ones, -A⁺ ∂f/∂held: rates[i][j] of unknown i by held
+/// j.
+/// @return singular, with the stretched closure or -1
+Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+               const Freedoms& held, Matrix<kMaxUnknowns, kMaxUnknowns>& rates);
+
+/// Sign of det ∂f/∂(x, h): positions of other sign are in another assembly mode.
+int mode_of(const Mechanism& mechanism, const Position& at);
+
+/// Rank of a matrix, its columns in units of their own size: elimination with full pivoting, a
+/// pivot below 1e-6 counting as zero. @param order  out: rows, the independent ones first
+int rank(std::array<Row, kClosures> m, int rows, int columns,
+         std::array<int, kClosures>* order = nullptr);
+
+/// What is wrong with a description.
+enum class Flaw : int {
+  none = 0,
+  too_many_bodies = 1,    ///< amount: how many there are
+  too_many_freedoms = 2,  ///< amount: how many there are
+  too_many_closures = 3,  ///< amount: how many there are
+  no_such_part = 4,       ///< a body (part) or closure (kBodies + part) with an invalid index
+  circle = 5,             ///< body: does not come after its parent, so that they run in a circle
+  no_length = 6,          ///< closure: a rod of no length
+  open = 7,               ///< closure: the widest that cannot be closed; amount: its gap (m)
+  unmoved = 8,            ///< closure: nothing moves one of its ends against the other
+  idle = 9,               ///< motor: moves nothing
+  dependent = 10,         ///< closure: follows from the others; amount: how many do
+  loose = 11,             ///< amount: how many freedoms x and h no closure holds
+};
+struct Check {
+  Flaw flaw = Flaw::none;
+  int part = -1;
+  Real amount = 0;
+  explicit operator bool() const { return flaw == Flaw::none; }
+};
+
+/// Examines a description where it should close. @param y  start, with the motors where they are
+Check check(const Mechanism& mechanism, const Row& home);
+}  // namespace truepose::engine

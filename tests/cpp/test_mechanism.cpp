@@ -1,0 +1,309 @@
+// The engine: robots and mechanisms as bodies on joints with closures.
+#include <Eigen/Dense>
+
+#include "estimation/linearise.hpp"
+#include "mechanism/sense_mechanism.hpp"
+#include "rotational.hpp"
+
+using namespace pivots_tested;
+
+namespace {
+
+using engine::Body;
+using engine::Flaw;
+using engine::Kind;
+using engine::Position;
+
+/// Three legs with hinges at the base and balls on the platform, which keep each in a plane.
+/// x: height, pitch, roll; hidden: the parasitic motions along x, y and about z.
+engine::Mechanism three_rps() {
+  engine::Mechanism m;
+  m.motors = m.coordinates = 3, m.freedoms = 9, m.bodies = 6, m.closures = 6;
+  m.body[0] = {.kind = Kind::slide, .parent = -1, .freedom = 3, .axis = Vec3::UnitZ()};
+  m.body[1] = {.kind = Kind::slide, .parent = 0, .freedom = 6, .axis = Vec3::UnitX()};
+  m.body[2] = {.kind = Kind::slide, .parent = 1, .freedom = 7, .axis = Vec3::UnitY()};
+  m.body[3] = {.kind = Kind::hinge, .parent = 2, .freedom = 4, .axis = Vec3::UnitY()};
+  m.body[4] = {.kind = Kind::hinge, .parent = 3, .freedom = 5, .axis = Vec3::UnitX()};
+  m.body[5] = {.kind = Kind::hinge, .parent = 4, .freedom = 8, .axis = Vec3::UnitZ()};
+  for (int i = 0; i < 3; ++i) {
+    const Vec3 A = polar(0.2, 120 * i), B = polar(0.31, 120 * i + 1),
+               hinge = polar(1, 120 * i + 91);
+    m.closure[2 * i] = {.body_a = 5, .a = A, .b = B, .driven = i};
+    m.closure[2 * i + 1] = {.body_a = 5, .a = A, .b = B, .plane = true, .normal = hinge};
+  }
+  return m;
+}
+
+/// The same platform on three carriages: rods of fixed length in the planes of their hinges.
+engine::Mechanism three_prs() {
+  engine::Mechanism m = three_rps();
+  for (int i = 0; i < 3; ++i) {
+    const Vec3 B = m.closure[2 * i].b;
+    m.body[m.bodies] = {.kind = Kind::slide, .freedom = i, .origin = B, .axis = Vec3::UnitZ()};
+    for (int k = 2 * i; k < 2 * i + 2; ++k)
+      m.closure[k].body_b = m.bodies, m.closure[k].b = Vec3::Zero(), m.closure[k].driven = -1;
+    m.closure[2 * i].length = 0.5, m.closure[2 * i].motor = i, m.closure[2 * i].mode = -1;
+    ++m.bodies;
+  }
+  return m;
+}
+
+/// Four arms and rods on a planar platform: one motor more than freedoms.
+engine::Mechanism four_rrr() {
+  engine::Mechanism m;
+  m.motors = 4, m.coordinates = 3, m.freedoms = 7, m.bodies = 6, m.closures = 4;
+  m.body[4] = {.kind = Kind::shift, .freedom = 4, .count = 2};
+  m.body[5] = {.kind = Kind::hinge, .parent = 4, .freedom = 6};
+  for (int i = 0; i < 4; ++i) {
+    m.body[i] = {.freedom = i, .origin = polar(0.4, 90 * i + 2 * i)};
+    m.closure[i] = {.body_a = 5,
+                    .body_b = i,
+                    .a = polar(0.1, 90 * i),
+                    .b = polar(0.2, 90 * i + 120),
+                    .length = 0.28 + 0.004 * i,
+                    .motor = i};
+  }
+  return m;
+}
+
+/// Two platforms on balls, the second on the first, each held by three legs from the base.
+engine::Mechanism two_balls() {
+  engine::Mechanism m;
+  m.motors = m.coordinates = 6, m.freedoms = 12, m.bodies = 2, m.closures = 6;
+  m.body[0] = {.kind = Kind::ball, .freedom = 6, .count = 3, .origin = {0, 0, 0.3}};
+  m.body[1] = {.kind = Kind::ball, .parent = 0, .freedom = 9, .count = 3, .origin = {0, 0, 0.2}};
+  for (int i = 0; i < 6; ++i)
+    m.closure[i] = {.body_a = i / 3,
+                    .a = polar(0.1, 120 * i, 0.02),
+                    .b = polar(0.3, 120 * i + 30),
+                    .driven = i};
+  return m;
+}
+
+struct Described {
+  const char* name;
+  engine::Mechanism mechanism;
+  engine::Row home{}, box{};  ///< of x
+};
+
+/// Finds the motors at home.
+Described at_home(const char* name, const engine::Mechanism& m, std::initializer_list<double> home,
+                  double box, double motor) {
+  Described made{name, m, {}, {}};
+  std::fill_n(made.home.begin(), m.motors, motor);
+  std::copy(home.begin(), home.end(), made.home.begin() + m.motors);
+  std::fill_n(made.box.begin() + m.motors, m.coordinates, box);
+  Position at;
+  at.y = made.home;
+  CHECK(engine::close(m, at, engine::inverse(m)));
+  made.home = at.y;
+  return made;
+}
+
+std::vector<Described> described() {
+  return {at_home("3-RPS", three_rps(), {0.5, 0.02, 0.03}, 0.1, 0.5),
+          at_home("3-PRS", three_prs(), {0.5, 0.02, 0.03}, 0.1, 0.05),
+          at_home("4-RRR", four_rrr(), {0.01, 0.02, 0.03}, 0.05, 0.1),
+          at_home("two balls", two_balls(), {0.05, 0.02, 0.01, 0.03, 0.02, -0.1}, 0.2, 0.35)};
+}
+
+/// y with a freedom moved, that of a ball by a small turn.
+engine::Row moved(const engine::Mechanism& m, engine::Row y, int freedom, double step) {
+  for (int b = 0; b < m.bodies; ++b) {
+    const int first = m.body[b].freedom;
+    if (m.body[b].kind != Kind::ball || freedom < first || freedom >= first + 3) continue;
+    const Vec3 w = log_so3(exp_so3(step * Vec3::Unit(freedom - first)) *
+                           exp_so3(Vec3(y[first], y[first + 1], y[first + 2])));
+    for (int k = 0; k < 3; ++k) y[first + k] = w[k];
+    return y;
+  }
+  y[freedom] += step;
+  return y;
+}
+
+/// Largest error of any closure's row against central differences.
+double row_error(const engine::Mechanism& m, const engine::Row& y) {
+  constexpr double h = 1e-5;
+  double worst = 0;
+  for (int j = 0; j < m.freedoms; ++j) {
+    Position at, up, down;
+    at.y = y, up.y = moved(m, y, j, h), down.y = moved(m, y, j, -h);
+    for (Position* one : {&at, &up, &down}) engine::place(m, *one);
+    for (int i = 0; i < m.closures; ++i)
+      worst =
+          std::max(worst, std::fabs(engine::row(m, at, i)[j] - (up.f[i] - down.f[i]) / (2 * h)));
+  }
+  return worst;
+}
+
+double condition(const Robot& robot, const JointMatrix& J) {
+  const int n = dof(robot.mobility);
+  Eigen::MatrixXd dense(n, n);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) dense(i, j) = J[i][j];
+  const Eigen::VectorXd sizes = Eigen::JacobiSVD<Eigen::MatrixXd>(dense).singularValues();
+  return std::max(1.0, sizes(0) / sizes(n - 1));
+}
+
+}  // namespace
+
+TEST_EACH(for_every,
+          "a robot's description gives the q, x and J of its own models, 1000 poses each") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(131);
+  double q_apart = 0, x_apart = 0, J_apart = 0, slope = 0;
+  long lost = 0;
+  for (long k = 0; k < check::sample_size(1000); ++k) {
+    const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
+    const Coordinates x = to_coordinates(K, pose);
+    Joint q{}, start{};
+    JointMatrix J;
+    if (!ikm(robot, x, q) || !jacobian(robot, x, J)) continue;
+    const double unit = condition(robot, J);
+    for (int i = 0; i < n; ++i) start[i] = q[i] + 1e-3 * random();
+    Built built;
+    build(robot, Layout::ideal, built);
+    const engine::Mechanism& m = built.mechanism;
+    Position at, back;
+    at.y = stand(robot, built, start, pose);
+    back.y = stand(robot, built, q, nearby(K, pose, random, 1e-3));
+    if (!engine::close(m, at, engine::inverse(m)) || !engine::close(m, back, engine::forward(m)))
+      ++lost;
+    for (int i = 0; i < n; ++i)
+      q_apart = std::max(q_apart, std::fabs(motor_reading(robot.chain[i], at.y[i]) - q[i]) / unit);
+    Coordinates found{};
+    std::copy_n(back.y.begin() + n, n, found.begin());
+    x_apart = std::max(x_apart, distance(K, to_pose(K, found), pose) / unit);
+    Matrix<kMaxUnknowns, kMaxUnknowns> rates;
+    CHECK(engine::follow(m, at, engine::forward(m), engine::motors(m), rates));
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const Chain& chain = robot.chain[j];
+        const double rate = 1 / encode(chain, at.y[j]).slope;
+        J_apart = std::max(J_apart, std::fabs(rates[i][j] * rate - J[i][j]) /
+                                        (unit * std::max(1.0, std::fabs(J[i][j]))));
+      }
+    if (k < 20) slope = std::max(slope, row_error(m, at.y));
+  }
+  CHECK(lost == 0);
+  CHECK_NEAR(q_apart, 0, 1e-11);
+  CHECK_NEAR(x_apart, 0, 1e-11);
+  CHECK_NEAR(J_apart, 0, 1e-11);
+  CHECK_NEAR(slope, 0, 1e-9);
+}
+
+TEST_EACH(for_every, "readings and H_x of a description are those of the robot's own models") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(133);
+  double apart = 0;
+  for (int k = 0; k < 100; ++k) {
+    const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
+    Extended q_e;
+    PoseRows H_x, by_engine;
+    if (!linearise(robot, pose, q_e, H_x, nullptr)) continue;
+    Built built;
+    build(robot, Layout::ideal, built);
+    Position at;
+    at.y = stand(robot, built, motors_of(robot, q_e), pose);
+    engine::place(built.mechanism, at);
+    Extended same;
+    CHECK(linearise(robot, built, at, pose.theta, same, by_engine, nullptr));
+    for (int e = 0; e < n + robot.r; ++e) apart = std::max(apart, std::fabs(q_e[e] - same[e]));
+    for (int e = 0; e < n + robot.r; ++e)
+      for (int j = 0; j < n; ++j)
+        apart =
+            std::max(apart, std::fabs(H_x[e][j] - by_engine[e][j]) / (1 + std::fabs(H_x[e][j])));
+  }
+  CHECK_NEAR(apart, 0, 1e-11);
+}
+
+TEST("3-RPS, 3-PRS, planar 4-RRR and two balls close at every pose, there and back") {
+  for (const Described& one : described()) {
+    check::state().scene = one.name;
+    const engine::Mechanism& m = one.mechanism;
+    CHECK(engine::check(m, one.home));
+    check::Random random(135);
+    double gap = 0, apart = 0, slope = 0, product = 0;
+    long lost = 0;
+    for (long k = 0; k < check::sample_size(1000); ++k) {
+      Position at, back;
+      at.y = one.home;
+      for (int j = 0; j < m.freedoms; ++j) at.y[j] += one.box[j] * random();
+      if (!engine::close(m, at, engine::inverse(m))) ++lost;
+      back.y = one.home;
+      std::copy_n(at.y.begin(), m.motors, back.y.begin());
+      if (!engine::close(m, back, engine::forward(m))) ++lost;
+      gap = std::max({gap, at.residual, back.residual});
+      for (int j = 0; j < m.freedoms; ++j) apart = std::max(apart, std::fabs(at.y[j] - back.y[j]));
+      if (k >= 20) continue;
+      slope = std::max(slope, row_error(m, at.y));
+      // J and its inverse are followed separately: J ∂q/∂x = 1.
+      engine::Freedoms x;
+      x.add(m.motors, m.motors + m.coordinates);
+      Matrix<kMaxUnknowns, kMaxUnknowns> J, inverse;
+      CHECK(engine::follow(m, at, engine::forward(m), engine::motors(m), J));
+      CHECK(engine::follow(m, at, engine::inverse(m), x, inverse));
+      for (int i = 0; i < m.coordinates; ++i)
+        for (int j = 0; j < m.coordinates; ++j) {
+          double sum = -(i == j);
+          for (int l = 0; l < m.motors; ++l) sum += J[i][l] * inverse[l][j];
+          product = std::max(product, std::fabs(sum));
+        }
+    }
+    CHECK(lost == 0);
+    CHECK_NEAR(gap, 0, 1e-14);
+    CHECK_NEAR(apart, 0, 1e-11);
+    CHECK_NEAR(slope, 0, 1e-9);
+    CHECK_NEAR(product, 0, 1e-10);
+  }
+}
+
+TEST("coupled bars share a freedom by their ratios and offsets") {
+  engine::Mechanism m;
+  m.bodies = 2, m.motors = 1, m.freedoms = 1;
+  m.body[0] = {.freedom = 0, .ratio = 2, .offset = 0.1};
+  m.body[1] = {.parent = 0, .freedom = 0, .origin = Vec3::UnitX(), .ratio = -2, .offset = -0.1};
+  Position at;
+  at.y[0] = 0.3;
+  engine::place(m, at);
+  CHECK_NEAR(at.frame[1].R(1, 0), 0, 1e-16);  // it keeps its orientation
+  CHECK_NEAR(at.frame[1].p.y(), std::sin(0.7), 1e-15);
+}
+
+TEST("a bad description is refused with the part that is wrong") {
+  const Described good = described()[1];
+  const auto flaw_of = [&](auto&& spoil) {
+    engine::Mechanism m = good.mechanism;
+    spoil(m);
+    return engine::check(m, good.home);
+  };
+  const auto is = [](const engine::Check& check, Flaw flaw, int part) {
+    return check.flaw == flaw && check.part == part;
+  };
+  CHECK(is(flaw_of([](auto& m) { m.body[1].parent = 2; }), Flaw::circle, 1));
+  CHECK(is(flaw_of([](auto& m) { m.body[2].parent = 99; }), Flaw::no_such_part, 2));
+  CHECK(is(flaw_of([](auto& m) { m.closure[3].body_a = -2; }), Flaw::no_such_part,
+           engine::kBodies + 3));
+  CHECK(is(flaw_of([](auto& m) { m.closures = 40; }), Flaw::too_many_closures, -1));
+  CHECK(flaw_of([](auto& m) { m.bodies = 33; }).amount == 33);
+  CHECK(is(flaw_of([](auto& m) { m.freedoms = 25; }), Flaw::too_many_freedoms, -1));
+  CHECK(is(flaw_of([](auto& m) { m.closure[4].length = 0; }), Flaw::no_length, 4));
+  const engine::Check open = flaw_of([](auto& m) { m.closure[2].length = 0.1; });
+  CHECK(open.flaw == Flaw::open && open.amount > 0.01);
+  CHECK(is(flaw_of([](auto& m) {  // between two points of the base
+             m.closure[5] = {.a = {1, 0, 0}, .length = 1};
+           }),
+           Flaw::unmoved, 5));
+  CHECK(is(flaw_of([](auto& m) {  // between two points of the platform
+             m.closure[5] = {.body_a = 5, .body_b = 5, .a = {1, 0, 0}, .length = 1};
+           }),
+           Flaw::unmoved, 5));
+  CHECK(is(flaw_of([](auto& m) {  // its carriage carries nothing
+             for (int k : {4, 5}) m.closure[k].b = m.body[8].origin, m.closure[k].body_b = -1;
+           }),
+           Flaw::idle, 2));
+  const engine::Check twice = flaw_of([](auto& m) { m.closure[5] = m.closure[3]; });
+  CHECK(twice.flaw == Flaw::dependent && (twice.part == 3 || twice.part == 5));
+  const engine::Check loose = flaw_of([](auto& m) { --m.closures; });
+  CHECK(loose.flaw == Flaw::loose && loose.amount == 1);
+}
