@@ -23,7 +23,8 @@ static void pose_at(int cycle, truepose_real x[4]) {
 }
 
 static int run(int32_t law, const char* name) {
-  truepose_real x[8] = {0}, x_d[8] = {0}, q[8], last[8], q_e[TRUEPOSE_READINGS];
+  truepose_real x[6] = {0}, x_d[6] = {0}, q[TRUEPOSE_MOTORS], last[TRUEPOSE_MOTORS];
+  truepose_real q_e[TRUEPOSE_READINGS];
   truepose_servo_cycle servo;
   struct timespec next;
   clock_gettime(CLOCK_MONOTONIC, &next);

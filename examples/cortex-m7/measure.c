@@ -24,9 +24,9 @@ static truepose_safety_shell shell;
 static truepose_safety_report safe;
 static truepose_safety_marks marks;
 static truepose_servo_cycle servo_cycle;
-static truepose_real work[WORK], memory[MEMORY], out[8 * TRUEPOSE_READINGS];
+static truepose_real work[WORK], memory[MEMORY], out[TRUEPOSE_MOTORS * TRUEPOSE_READINGS];
 static truepose_setpoint setpoint;
-static truepose_real q[8], q_e[TRUEPOSE_READINGS], near[8];
+static truepose_real q[TRUEPOSE_MOTORS], q_e[TRUEPOSE_READINGS], near[TRUEPOSE_FREEDOMS];
 static int n, e;
 static uint32_t per_tick;
 

@@ -46,7 +46,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   fault_state.brakes |= monitor.lost;
   // While the fault is undecided, no loop stays closed longer than the stop takes.
   if (monitor.undecided) fault_state.stopping += settings.period;
-  if (fault_state.stopping > fault_settings.stop) fault_state.brakes = all;
+  if (fault_state.stopping > fault_settings.monitor.stop) fault_state.brakes = all;
   state.switched = state.switched || state.braked != fault_state.brakes;
   state.braked = fault_state.brakes;
   Outcome outcome = monitored;
@@ -82,12 +82,13 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (outcome) fault_state.q_d = state.q_d;
   fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
-  if (fault_state.unanswered > fault_settings.held) {
+  if (fault_state.unanswered > fault_settings.monitor.held) {
     fault_state.stops = true;
     fault_state.brakes = all;
   }
   if (fault_state.stops)
-    fault_state.stop = monitor.lost ? fault_settings.stop_lost : fault_settings.stop;
+    fault_state.stop =
+        monitor.lost ? fault_settings.monitor.stop_lost : fault_settings.monitor.stop;
   if (fault_state.brakes == all) {
     if (!held &&
         (!state.started || !inverse_dynamics(robot, to_pose(robot.mobility, fault_state.at), {}, {},

@@ -26,11 +26,6 @@ struct PathClock {
 /// Constant during a run.
 struct FaultTolerantSettings {
   FaultMonitorSettings monitor;
-  Real stop = 0.15;  ///< duration of a stop along the path, s
-  /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
-  /// brake stops that motor wherever the path is by then; the error is the others' way left.
-  Real stop_lost = 0.04;
-  Real held = 0.005;              ///< longest time for which the last valid torque is held, s
   MomentumSettings momentum;      ///< of the observer of disturbances
   const Robot* finest = nullptr;  ///< model for the fault monitor; nullptr: the law's
 };

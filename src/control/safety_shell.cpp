@@ -271,7 +271,7 @@ struct Step {
       now.healthy = found.causes == 0 && fresh;
     }
     shell.machine = next(before, now);
-    const SafetyState state = shell.machine.state;
+    const SafetyState state = shell.state = shell.machine.state;
     const bool ready = state == SafetyState::ready, runs = state == SafetyState::running;
     if ((now.acknowledge && !ready && !runs) || (now.start && !runs))
       shell.refused = found.causes   ? found.first()

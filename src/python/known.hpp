@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "control/law.hpp"
-#include "python/vectors.hpp"
+#include "python/matrices.hpp"
 
 namespace truepose::python {
 /// Knowledge that owns its arrays.

@@ -339,10 +339,15 @@ Extended readings_at(const Robot& robot, const Coordinates& x) {
   return readings_at(robot, to_pose(robot.mobility, x));
 }
 
-Joint random_joint(check::Random& random, double size) {
-  Joint values{};
-  for (double& value : values) value = size * random();
-  return values;
+RandomNumbers::operator Joint() const {
+  Joint all{};
+  std::copy(values.begin(), values.end(), all.begin());
+  return all;
+}
+RandomNumbers random_joint(check::Random& random, double size) {
+  RandomNumbers drawn;
+  for (double& value : drawn.values) value = size * random();
+  return drawn;
 }
 
 double distance(Mobility K, const Pose& a, const Pose& b) {

@@ -128,7 +128,13 @@ Pose nearby(Mobility K, const Pose& pose, check::Random& random, double size);
 Extended readings_at(const Robot& robot, const Pose& pose);
 Extended readings_at(const Robot& robot, const Coordinates& x);
 
-Joint random_joint(check::Random& random, double size);
+/// Numbers of the motors or of the platform's freedoms.
+struct RandomNumbers {
+  Coordinates values{};
+  operator Coordinates() const { return values; }
+  operator Joint() const;
+};
+RandomNumbers random_joint(check::Random& random, double size);
 
 /// Largest entry of the difference of two poses.
 double distance(Mobility K, const Pose& a, const Pose& b);

@@ -79,7 +79,7 @@ class SceneOf {
 
   /// What a tracker measures that sees the base so.
   void measure(const Registration& by) {
-    for (const Joint& at : x) {
+    for (const Coordinates& at : x) {
       const Seen seen_there = seen(K, by, to_pose(K, at));
       for (int i = 0; i < n; ++i) {
         measured_sigma.push_back(2e-5 * (1 + i));

@@ -1,4 +1,4 @@
 // The loops of test_realtime.cpp under clang's RealtimeSanitizer and function effects.
 #define TRUEPOSE_NONBLOCKING
-#include "test_realtime.cpp"
 #include "control_path.hpp"  // all its .cpp files
+#include "test_realtime.cpp"

@@ -1,7 +1,7 @@
 // LinuxCNC's start-up test: miswired machines that are off are named, and hardly move.
 #include <memory>
 
-#include "src/c/description.hpp"
+#include "src/c/fields.hpp"
 #include "tests/cpp/start_bench.hpp"
 
 extern "C" {
@@ -183,7 +183,7 @@ TEST("a payload is observed from the torques that the drives measure, and gone w
   StartBench<kFour>& bench = machine.bench;
   truepose_table& table = machine.tej->table;
   for (int i = 0; i < 4; ++i) table.known.sigma[i] = bench.robot.chain[i].encoder_step;
-  c::describe(FaultTolerantSettings{}, table.monitor);
+  table.monitor = c::converted<truepose_fault_monitor_settings>(FaultMonitorSettings{});
   const ControlSettings drives = settings_for(bench.robot, Law::joint);
   ControlState state;
   bench.plant.disturb({.kind = Disturbance::payload, .size = 2});

@@ -1,4 +1,4 @@
-// Vectors and matrices of the core as numpy arrays, copied.
+// Matrices of the core as numpy arrays, copied.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -7,7 +7,6 @@
 #include <algorithm>
 
 #include "calibration/dense.hpp"
-#include "math/vec3.hpp"
 
 namespace nanobind::detail {
 /// Numbers of a new numpy array, by rows.
@@ -34,29 +33,4 @@ struct type_caster<truepose::RowMatrix> {
     return array.release();
   }
 };
-
-/// Of space, whose numbers are by columns.
-template <class Numbers, class Shape>
-struct SpaceCaster {
-  using Array = ndarray<const double, Shape, f_contig, device::cpu>;
-  NB_TYPE_CASTER(Numbers, make_caster<Array>::Name)
-
-  bool from_python(handle from, std::uint8_t flags, cleanup_list* cleanup) noexcept {
-    make_caster<Array> caster;
-    if (!caster.from_python(from, flags, cleanup)) return false;
-    std::copy_n(caster.value.data(), caster.value.size(), value.data());
-    return true;
-  }
-  static handle from_cpp(const Numbers& numbers, rv_policy, cleanup_list*) {
-    object array;
-    constexpr int count = sizeof(Numbers) / sizeof(double);
-    std::copy_n(numbers.data(), count,
-                new_array(array, count == 3 ? nanobind::tuple(make_tuple(3)) : make_tuple(3, 3)));
-    return object(array.attr("T")).release();
-  }
-};
-template <>
-struct type_caster<truepose::Vec3> : SpaceCaster<truepose::Vec3, shape<3>> {};
-template <>
-struct type_caster<truepose::Mat3> : SpaceCaster<truepose::Mat3, shape<3, 3>> {};
 }  // namespace nanobind::detail
