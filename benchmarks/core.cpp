@@ -19,9 +19,9 @@
 #include "../tests/cpp/rotational.hpp"
 #include "control/command.hpp"
 #include "control/safe_control.hpp"
+#include "control/safety_defaults.hpp"
 #include "estimation/online_calibrator.hpp"
 #include "simulation/plant.hpp"
-#include "control/safety_defaults.hpp"
 
 using namespace truepose;
 
