@@ -108,12 +108,11 @@ def test_a_sensor_touches_four_files_and_its_test_a_law_three(sources):
 
 
 def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
-    """One compilation: the control path, derivatives in the table's rows, the page's statements."""
+    """Two units: the control path; derivatives in the table's rows and the page's statements."""
     root, *_ = sources
     compiler = os.environ.get("CXX") or next(filter(shutil.which, ("clang++", "g++", "c++")), "")
     if not compiler:
         pytest.skip("no C++ compiler")
-    whole = tmp_path / "extended.cpp"
     own = section("A sensor"), section("A law")
     tests = [DERIVATIVES]
     tests += [
@@ -124,13 +123,17 @@ def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
     ]
     rooms = ("math", "mechanism", "estimation", "control")
     path = sorted(file for room in rooms for file in (root / "src" / room).glob("*.cpp"))
-    files = [*path, "mechanisms.cpp", "check_main.cpp"]
-    start = "".join(f'#include "{file}"\n' for file in files)
-    whole.write_text(start + "using namespace mechanisms;\n" + "\n".join(tests), encoding="utf-8")
+    units = {
+        "path.cpp": "".join(f'#include "{file}"\n' for file in path),
+        "tests.cpp": '#include "mechanisms.cpp"\n#include "check_main.cpp"\n'
+        "using namespace mechanisms;\n" + "\n".join(tests),
+    }
+    for name, text in units.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
     include = [f"-I{root}/{folder}" for folder in ("include", "src", "tests/cpp")]
     out = str(tmp_path / "extended")
-    build = [*shlex.split(compiler), "-std=c++20", "-O0", *include, str(whole), "-o", out]
-    subprocess.run(build, check=True, text=True)
+    build = [*shlex.split(compiler), "-std=c++20", "-O0", *include, *units, "-o", out]
+    subprocess.run(build, check=True, text=True, cwd=tmp_path)
     said = subprocess.run([out], capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stdout
     assert said.stdout.count("ok ") == len(tests) == 3
