@@ -74,7 +74,7 @@ Outcome servo(const Robot& robot, Law law, Real band, const truepose_real* x_d, 
 extern "C" {
 size_t truepose_work(const truepose_model* model, int32_t count) {
   const Robot* robot = c::robot_of(model);
-  return robot ? static_cast<std::size_t>(estimate_work(*robot, std::max(count, 0))) : 0;
+  return robot ? static_cast<std::size_t>(estimate_work(*robot, std::max(count, int32_t{0}))) : 0;
 }
 
 truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepose_real band,

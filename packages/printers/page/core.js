@@ -1,7 +1,7 @@
 // The core in WebAssembly, as robots: truepose.h and calibrate.h in wasm32's layout. Units: m, rad.
 "use strict";
 
-const MOTORS = 6, READINGS = 16, MODEL_BYTES = 12288, CYCLE_NUMBERS = 512;
+const MOTORS = 8, READINGS = 20, MODEL_BYTES = 12288, CYCLE_NUMBERS = 512;
 const LAWS = { joint: 0, tej: 1, estimated: 4 };
 const binary = (base64) => Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
 
