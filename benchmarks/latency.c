@@ -17,7 +17,7 @@ enum { PERIOD = 1000000, MOST = 3600000 }; /* ns; cycles */
 static truepose_model model, finest;
 static truepose_controller controller;
 static truepose_fault_monitor monitor;
-static truepose_real work[8000], q_e[TRUEPOSE_READINGS], torque[TRUEPOSE_FREEDOMS];
+static truepose_real work[8000], q_e[TRUEPOSE_READINGS], torque[TRUEPOSE_MOTORS];
 static truepose_setpoint setpoint;
 static truepose_fault_report report;
 static int32_t late[MOST], took[MOST];

@@ -23,25 +23,27 @@ static void pose_at(int cycle, truepose_real x[6]) {
 }
 
 static int run(int32_t law, const char* name) {
-  truepose_real x[6], x_d[6], q[6], q_d[6], q_next[6], q_e[TRUEPOSE_READINGS], e[6];
+  truepose_real x[6], x_d[6], q[TRUEPOSE_MOTORS], q_d[TRUEPOSE_MOTORS], q_next[TRUEPOSE_MOTORS];
+  truepose_real q_e[TRUEPOSE_READINGS];
+  truepose_servo_cycle servo;
   struct timespec next;
   clock_gettime(CLOCK_MONOTONIC, &next);
   pose_at(0, x_d);
   pose_at(0, x);
   if (fails("start", truepose_ikm(&model, x_d, q_d))) return 0;
-  for (int i = 0; i < 6; ++i) q[i] = q_d[i];
+  for (int i = 0; i < 4; ++i) q[i] = q_d[i];
   for (int cycle = 0; cycle < 500; ++cycle) {
     next.tv_nsec = (next.tv_nsec + 1000000) % 1000000000;
     next.tv_sec += next.tv_nsec < 1000000;
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
     if (fails("machine", truepose_fkm(&machine, q, 12, x).outcome) || /* what its encoders read */
         fails("machine", truepose_readings(&machine, x, q_e)) ||
-        fails("error", truepose_motor_error(&model, law, 0, x_d, q_e, NULL, NULL, e)))
+        fails("error", truepose_servo(&model, law, 0, x_d, q_e, NULL, NULL, &servo)))
       return 0;
     pose_at(cycle + 1, x_d);
     if (fails("setpoint", truepose_ikm(&model, x_d, q_next))) return 0;
     for (int i = 0; i < 4; ++i) { /* drives that take velocities */
-      q[i] += q_next[i] - q_d[i] + 0.05 * e[i];
+      q[i] += q_next[i] - q_d[i] + 0.05 * servo.error[i];
       q_d[i] = q_next[i];
     }
   }

@@ -23,9 +23,10 @@ static truepose_fault_report report;
 static truepose_safety_shell shell;
 static truepose_safety_report safe;
 static truepose_safety_marks marks;
-static truepose_real work[WORK], memory[MEMORY], out[6 * 16];
+static truepose_real work[WORK], memory[MEMORY], out[TRUEPOSE_MOTORS * TRUEPOSE_READINGS];
+static truepose_servo_cycle servo;
 static truepose_setpoint setpoint;
-static truepose_real q[6], q_e[16], near[6];
+static truepose_real q[TRUEPOSE_MOTORS], q_e[TRUEPOSE_READINGS], near[TRUEPOSE_FREEDOMS];
 static int n, e;
 static uint32_t per_tick;
 
@@ -51,11 +52,11 @@ static int32_t fkm_torques(void) {
   const int32_t status = fkm();
   return status > TRUEPOSE_OK
              ? status
-             : truepose_joint_torque(&model, near, setpoint.rate, out).status; /* any torques */
+             : truepose_joint_torque(&model, near, q, out).status; /* any torques */
 }
 static int32_t tej(void) { return truepose_tej(&model, setpoint.x, 0, out).status; }
-static int32_t motor_error(void) {
-  return truepose_motor_error(&model, TRUEPOSE_LAW_TEJ, 0, setpoint.x, q_e, 0, 0, out).status;
+static int32_t servo_cycle(void) {
+  return truepose_servo(&model, TRUEPOSE_LAW_TEJ, 0, setpoint.x, q_e, 0, 0, &servo).status;
 }
 static int32_t estimate(void) {
   return truepose_estimate(&model, &ITS(knowledge), q_e, work, near).outcome.status;
@@ -88,7 +89,7 @@ static const entry entries[] = {
     {"FKM, from the last cycle's pose", fkm, 0, 0, 0},
     {"and the joints' torques there", fkm_torques, 0, 0, 0},
     {"TEJ", tej, 0, 0, 0},
-    {"motor error, TEJ", motor_error, 0, 0, 0},
+    {"servo cycle, TEJ", servo_cycle, 0, 0, 0},
     {"estimate", estimate, 0, 0, 0},
     {"control, joint", control, TRUEPOSE_LAW_JOINT, 0, 0},
     {"control, TEJ", control, TRUEPOSE_LAW_TEJ, 0, 0},

@@ -8,19 +8,18 @@
 namespace truepose {
 using Real = truepose_real;  ///< double, or single for machines without a double unit
 
-inline constexpr int kMaxDof = 6;        ///< degrees of freedom n
-inline constexpr int kMaxChains = 6;     ///< driven or not
-inline constexpr int kMaxMotors = 6;     ///< they drive the first chains
-inline constexpr int kMaxSensors = 12;   ///< redundant readings r
-inline constexpr int kMaxReadings = 16;  ///< extended positions, motors and r: with six, r <= 10
-inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the platform
-inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
-inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the platform
-inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
-inline constexpr int kMaxAxes = 3;       ///< passive axes that carry the platform
+inline constexpr int kMaxDof = TRUEPOSE_FREEDOMS;       ///< degrees of freedom n
+inline constexpr int kMaxChains = TRUEPOSE_MOTORS;      ///< driven or not
+inline constexpr int kMaxMotors = TRUEPOSE_MOTORS;      ///< they drive the first chains
+inline constexpr int kMaxSensors = TRUEPOSE_SENSORS;    ///< redundant readings r
+inline constexpr int kMaxReadings = TRUEPOSE_READINGS;  ///< extended positions: motors and r
+inline constexpr int kMaxBodies = TRUEPOSE_BODIES;      ///< rigid bodies of the platform
+inline constexpr int kMaxRods = 2 * kMaxChains;    ///< full level: two per spatial parallelogram
+inline constexpr int kMaxBars = 2;                 ///< full level: lateral bars of the platform
+inline constexpr int kMaxUnknowns = 6 + kMaxBars;  ///< full level: pose and one angle per bar
+inline constexpr int kMaxAxes = TRUEPOSE_AXES;     ///< passive axes that carry the platform
 
-static_assert(kMaxReadings <= kMaxMotors + kMaxSensors && kMaxRods == 2 * kMaxChains &&
-              kMaxUnknowns == 6 + kMaxBars);
+static_assert(kMaxReadings == kMaxMotors + kMaxSensors);
 
 using Coordinates = std::array<Real, kMaxDof>;    ///< of the platform: x, a twist, a small motion
 using Joint = std::array<Real, kMaxMotors>;       ///< of the motors: q, torques

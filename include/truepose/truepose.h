@@ -34,7 +34,7 @@ extern "C" {
 #endif
 
 /** Version of the tables and functions below. A library loads only tables of its own version. */
-#define TRUEPOSE_ABI 4
+#define TRUEPOSE_ABI 5
 
 /** Type of every number. Single-precision libraries and their callers are compiled with
  * TRUEPOSE_SINGLE; a table of the other precision is TRUEPOSE_OTHER_VERSION. */
@@ -45,9 +45,10 @@ typedef double truepose_real;
 #endif
 
 enum {
-  TRUEPOSE_FREEDOMS = 6,  /**< at most, of a moving platform; also motors and chains */
+  TRUEPOSE_FREEDOMS = 6,  /**< at most, of a moving platform */
+  TRUEPOSE_MOTORS = 8,    /**< also chains */
   TRUEPOSE_SENSORS = 12,  /**< redundant sensors */
-  TRUEPOSE_READINGS = 16, /**< q_e: motors, then sensors */
+  TRUEPOSE_READINGS = 20, /**< q_e: motors, then sensors */
   TRUEPOSE_BODIES = 8,    /**< rigid bodies of a platform */
   TRUEPOSE_AXES = 3       /**< passive axes that carry a platform */
 };
@@ -76,7 +77,7 @@ typedef enum truepose_status {
 } truepose_status;
 
 /** Status and cause. `part`, from 0: the chain; for TRUEPOSE_DISAGREE the reading; for
- * truepose_load() chain i as i, sensor k as 6 + k, body k as 18 + k, axis j as 26 + j; -1: none in
+ * truepose_load() chain i as i, sensor k as 8 + k, body k as 20 + k, axis j as 28 + j; -1: none in
  * particular, for JOINT_LIMIT a passive axis. */
 typedef struct truepose_outcome {
   int32_t status; /**< a truepose_status */
@@ -128,7 +129,7 @@ typedef struct truepose_chain {
   int32_t actuator;             /**< a truepose_actuator */
   int32_t working_mode;         /**< -1 or 1: which root of the inverse model */
   int32_t bar;                  /**< that carries the rod (0, 1; -1: the platform itself) */
-  int32_t unused;               /**< 0 */
+  int32_t unused;               /**< 0: the library's own */
   truepose_real base[3];        /**< on the motor's axis, m */
   truepose_real axis[3];        /**< of the motor or rail, unit */
   truepose_real zero[3];        /**< direction of the arm at q = 0, unit, normal to the axis */
@@ -197,7 +198,7 @@ typedef struct truepose_description {
   int32_t unused;    /**< 0 */
   truepose_real gravity[3];
   truepose_real home[TRUEPOSE_FREEDOMS]; /**< coordinates of a pose well inside the workspace */
-  truepose_chain chain[TRUEPOSE_FREEDOMS];
+  truepose_chain chain[TRUEPOSE_MOTORS];
   truepose_sensor sensor[TRUEPOSE_SENSORS];
   truepose_body body[TRUEPOSE_BODIES];
   truepose_axis axis[TRUEPOSE_AXES]; /**< rotational platforms: as many as freedoms */
@@ -270,20 +271,19 @@ TRUEPOSE_API truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real rot
  * between two; JOINT_LIMIT and the motor; NOT_FINITE */
 TRUEPOSE_API truepose_outcome truepose_ikm(const truepose_model* model,
                                            const truepose_real x[TRUEPOSE_FREEDOMS],
-                                           truepose_real q[TRUEPOSE_FREEDOMS]);
+                                           truepose_real q[TRUEPOSE_MOTORS]);
 /** The same for a pose, with its conditioning.
  * @param conditioning  out, the least of truepose_conditioning()'s numbers; may be null
  * @return also NO_SUCH_VALUE, see truepose_coordinates_of() */
 TRUEPOSE_API truepose_outcome truepose_ikm_pose(const truepose_model* model,
                                                 const truepose_pose* pose,
-                                                truepose_real q[TRUEPOSE_FREEDOMS],
+                                                truepose_real q[TRUEPOSE_MOTORS],
                                                 truepose_real* conditioning);
 
 /** Result of a search for the pose. */
 typedef struct truepose_fkm_result {
   truepose_outcome outcome;
   int32_t iterations;
-  int32_t unused;
   truepose_real residual; /**< largest error of a loop, m */
 } truepose_fkm_result;
 
@@ -294,11 +294,11 @@ typedef struct truepose_fkm_result {
  * @return UNREACHABLE: no pose closes the loops; NOT_CONVERGED: none was found; SINGULAR;
  * BRANCH_LOST; NOT_FINITE; NO_SUCH_VALUE of the cap */
 TRUEPOSE_API truepose_fkm_result truepose_fkm(const truepose_model* model,
-                                              const truepose_real q[TRUEPOSE_FREEDOMS], int32_t cap,
+                                              const truepose_real q[TRUEPOSE_MOTORS], int32_t cap,
                                               truepose_real x[TRUEPOSE_FREEDOMS]);
 /** The same for a pose. */
 TRUEPOSE_API truepose_fkm_result truepose_fkm_pose(const truepose_model* model,
-                                                   const truepose_real q[TRUEPOSE_FREEDOMS],
+                                                   const truepose_real q[TRUEPOSE_MOTORS],
                                                    int32_t cap, truepose_pose* pose);
 
 /** All readings at a pose: q_e = {IKM(x), RKM(x)}. Stops are not checked.
@@ -310,7 +310,7 @@ TRUEPOSE_API truepose_outcome truepose_readings(const truepose_model* model,
 /** J, n by n, dx = J dq: twists of the platform, base frame. @return UNREACHABLE, SINGULAR */
 TRUEPOSE_API truepose_outcome
 truepose_jacobian(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOMS],
-                  truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS]);
+                  truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS]);
 
 /** W, 3 by n in rows of 6: omega = W rate is the reading of a gyroscope on the platform, rad/s in
  * the platform's frame. A moving base adds its own angular velocity in that frame. Of a rotational
@@ -324,13 +324,13 @@ TRUEPOSE_API truepose_outcome truepose_gyro(const truepose_model* model,
  * @return UNREACHABLE, SINGULAR, NOT_FINITE; NOT_COMPILED without rotational platforms */
 TRUEPOSE_API truepose_outcome truepose_joint_torque(const truepose_model* model,
                                                     const truepose_real x[TRUEPOSE_FREEDOMS],
-                                                    const truepose_real torque[TRUEPOSE_FREEDOMS],
+                                                    const truepose_real torque[TRUEPOSE_MOTORS],
                                                     truepose_real joint[TRUEPOSE_FREEDOMS]);
 /** The inverse: torques of the motors from those at the joints, J^T joint. */
 TRUEPOSE_API truepose_outcome truepose_motor_torque(const truepose_model* model,
                                                     const truepose_real x[TRUEPOSE_FREEDOMS],
                                                     const truepose_real joint[TRUEPOSE_FREEDOMS],
-                                                    truepose_real torque[TRUEPOSE_FREEDOMS]);
+                                                    truepose_real torque[TRUEPOSE_MOTORS]);
 
 /** Distance of a pose from singular ones, free of size and units, at the ideal level.
  * @param parallel  out, 0 to 1: 0 where the motors do not hold the platform
@@ -338,13 +338,14 @@ TRUEPOSE_API truepose_outcome truepose_motor_torque(const truepose_model* model,
 TRUEPOSE_API truepose_outcome truepose_conditioning(const truepose_model* model,
                                                     const truepose_real x[TRUEPOSE_FREEDOMS],
                                                     truepose_real* parallel,
-                                                    truepose_real serial[TRUEPOSE_FREEDOMS]);
+                                                    truepose_real serial[TRUEPOSE_MOTORS]);
 
 /** The extended-to-joint matrix, n rows of n + r, each padded to TRUEPOSE_READINGS; ideal level.
  * @param band  conditioning below which J is damped (0: never, as in the paper) */
-TRUEPOSE_API truepose_outcome
-truepose_tej(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOMS],
-             truepose_real band, truepose_real tej[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS]);
+TRUEPOSE_API truepose_outcome truepose_tej(const truepose_model* model,
+                                           const truepose_real x[TRUEPOSE_FREEDOMS],
+                                           truepose_real band,
+                                           truepose_real tej[TRUEPOSE_MOTORS * TRUEPOSE_READINGS]);
 
 /* ------------------------------------------------------------------------------------------------
  * Knowledge, and the pose of all readings
@@ -354,7 +355,6 @@ truepose_tej(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOM
  * weigh by it return TRUEPOSE_NO_SUCH_PART if its count or a column (`part`) is not the robot's. */
 typedef struct truepose_knowledge {
   int32_t count;             /**< p, uncertain parameters */
-  int32_t unused;            /**< 0 */
   const int32_t* column;     /**< p columns of H_xi, one per parameter */
   const truepose_real* root; /**< S, p by p, lower triangular: their covariance is S Sᵀ */
   truepose_real sigma[TRUEPOSE_READINGS]; /**< of every reading's own error, > 0 */
@@ -367,7 +367,6 @@ TRUEPOSE_API size_t truepose_work(const truepose_model* model, int32_t count);
 typedef struct truepose_estimate_result {
   truepose_outcome outcome;
   int32_t iterations;
-  int32_t unused;
   truepose_real chi2; /**< of the readings' disagreement; r on average for a healthy robot */
   truepose_real covariance[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS]; /**< of the free twist */
 } truepose_estimate_result;
@@ -394,28 +393,22 @@ typedef enum truepose_law {
   TRUEPOSE_LAW_ESTIMATED = 4  /**< the pose of all readings, weighted by the knowledge */
 } truepose_law;
 
-/** Motor error ê of a law, which drives with their own loops reduce to 0.
- * @param band   as for truepose_tej()
- * @param known  null for laws that do not weigh; `work` likewise
- * @param e      out, rad or m, in the motors' readings
- * @return as truepose_ikm() of x_d; NOT_MEASURED: no sensor is in use, and the law is not the joint
- * law; NEAR_SINGULAR and an answer */
-TRUEPOSE_API truepose_outcome truepose_motor_error(
-    const truepose_model* model, int32_t law, truepose_real band,
-    const truepose_real x_d[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
-    const truepose_knowledge* known, truepose_real* work, truepose_real e[TRUEPOSE_FREEDOMS]);
-
 /** Result of truepose_servo(). */
 typedef struct truepose_servo_cycle {
-  truepose_real q_d[TRUEPOSE_FREEDOMS];                     /**< desired motor readings */
-  truepose_real error[TRUEPOSE_FREEDOMS];                   /**< as in truepose_motor_error() */
-  truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS];   /**< as in truepose_jacobian() */
-  truepose_real tej[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS]; /**< laws of all readings; else 0 */
+  truepose_real q_d[TRUEPOSE_MOTORS];                     /**< desired motor readings */
+  truepose_real error[TRUEPOSE_MOTORS];                   /**< motor error ê, rad or m */
+  truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS];   /**< as in truepose_jacobian() */
+  truepose_real tej[TRUEPOSE_MOTORS * TRUEPOSE_READINGS]; /**< laws of all readings; else 0 */
   truepose_real x[TRUEPOSE_FREEDOMS]; /**< estimated pose, of laws with an estimate; else x_d */
 } truepose_servo_cycle;
 
-/** One servo cycle: IKM, assembly mode, J, TEJ and motor error. Parameters and result as for
- * truepose_motor_error(). J and TEJ are those of the ideal level, by which the laws map errors. */
+/** One servo cycle for drives with their own loops, which reduce the motor error ê of a law to 0:
+ * IKM, assembly mode, J, TEJ and ê. J and TEJ are those of the ideal level, by which the laws map
+ * errors.
+ * @param band   as for truepose_tej()
+ * @param known  null for laws that do not weigh; `work` likewise
+ * @return as truepose_ikm() of x_d; NOT_MEASURED: no sensor is in use, and the law is not the joint
+ * law; NEAR_SINGULAR and an answer */
 TRUEPOSE_API truepose_outcome truepose_servo(const truepose_model* model, int32_t law,
                                              truepose_real band,
                                              const truepose_real x_d[TRUEPOSE_FREEDOMS],
@@ -426,13 +419,13 @@ TRUEPOSE_API truepose_outcome truepose_servo(const truepose_model* model, int32_
 /** State of motors, or of the joints of a rotational platform: rad, rad/s, N·m. For other
  * mobilities the joints are the coordinates of the pose. */
 typedef struct truepose_axis_state {
-  truepose_real position[TRUEPOSE_FREEDOMS], velocity[TRUEPOSE_FREEDOMS];
-  truepose_real torque[TRUEPOSE_FREEDOMS];
+  truepose_real position[TRUEPOSE_MOTORS], velocity[TRUEPOSE_MOTORS];
+  truepose_real torque[TRUEPOSE_MOTORS];
 } truepose_axis_state;
 /** A drive's command: torque + kp (position - measured) + kd (velocity - measured). */
 typedef struct truepose_axis_command {
   truepose_axis_state state;
-  truepose_real kp[TRUEPOSE_FREEDOMS], kd[TRUEPOSE_FREEDOMS];
+  truepose_real kp[TRUEPOSE_MOTORS], kd[TRUEPOSE_MOTORS];
 } truepose_axis_command;
 
 /** Joint state from motor state: FKM, J, rates and torques.
@@ -463,7 +456,7 @@ typedef struct truepose_control_settings {
   truepose_real velocity_bandwidth; /**< of the velocity tracking loops, rad/s */
   truepose_real damped_below;       /**< conditioning below which J is damped (0: never) */
   truepose_real lead_out;           /**< s over which a change of law takes effect */
-  truepose_real kp[TRUEPOSE_FREEDOMS], kd[TRUEPOSE_FREEDOMS], ki[TRUEPOSE_FREEDOMS];
+  truepose_real kp[TRUEPOSE_MOTORS], kd[TRUEPOSE_MOTORS], ki[TRUEPOSE_MOTORS];
 } truepose_control_settings;
 
 /** 1 kHz, joint law, full feed-forward, gains 0. */
@@ -494,12 +487,12 @@ TRUEPOSE_API truepose_outcome truepose_controller_init(truepose_controller* cont
 /** Changes the law from the next cycle on, without a step of the torque. @return NO_SUCH_PART */
 TRUEPOSE_API truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law);
 
-/** One cycle of a controller whose drives close their own loops: truepose_motor_error() with the
- * law and damping of its settings. Laws that weigh cache their weights as in truepose_control(). */
-TRUEPOSE_API truepose_outcome truepose_controller_error(
+/** One servo cycle with the law, damping and slow sensors of a controller's settings. Laws that
+ * weigh cache their weights as in truepose_control(). */
+TRUEPOSE_API truepose_outcome truepose_controller_servo(
     const truepose_model* model, truepose_controller* controller,
     const truepose_real x_d[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
-    const truepose_knowledge* known, truepose_real* work, truepose_real e[TRUEPOSE_FREEDOMS]);
+    const truepose_knowledge* known, truepose_real* work, truepose_servo_cycle* cycle);
 
 /** One cycle.
  * @param known   null for laws that do not weigh; its work space likewise
@@ -509,7 +502,7 @@ TRUEPOSE_API truepose_outcome truepose_control(const truepose_model* model,
                                                const truepose_setpoint* setpoint,
                                                const truepose_real q_e[TRUEPOSE_READINGS],
                                                const truepose_knowledge* known, truepose_real* work,
-                                               truepose_real torque[TRUEPOSE_FREEDOMS]);
+                                               truepose_real torque[TRUEPOSE_MOTORS]);
 
 /* ------------------------------------------------------------------------------------------------
  * Delayed and multirate sensors. Guide: docs/delayed-sensors.md
@@ -573,9 +566,9 @@ typedef struct truepose_fault_monitor_settings {
   truepose_real held;        /**< longest time for which the last valid torque is held, s */
   truepose_real fastest[TRUEPOSE_READINGS]; /**< largest second derivatives (0: not tested) */
   truepose_real moved[TRUEPOSE_READINGS];   /**< motion beside unchanged counts (0: not tested) */
-  truepose_real kp[TRUEPOSE_FREEDOMS], kd[TRUEPOSE_FREEDOMS]; /**< 1/s², 1/s: the motors' loops */
-  truepose_real rests[TRUEPOSE_FREEDOMS];  /**< error at which a healthy motor may rest */
-  truepose_real shaken[TRUEPOSE_FREEDOMS]; /**< virtual readings' noise sigma per cycle (0: any) */
+  truepose_real kp[TRUEPOSE_MOTORS], kd[TRUEPOSE_MOTORS]; /**< 1/s², 1/s: the motors' loops */
+  truepose_real rests[TRUEPOSE_MOTORS];  /**< error at which a healthy motor may rest */
+  truepose_real shaken[TRUEPOSE_MOTORS]; /**< virtual readings' noise sigma per cycle (0: any) */
   truepose_real low[TRUEPOSE_READINGS], high[TRUEPOSE_READINGS]; /**< range (equal: any) */
   truepose_real growth[3]; /**< most in a warm-up, of base, arms and rods: shares of their sizes */
   truepose_real memory;    /**< s over which it is averaged */
@@ -630,14 +623,14 @@ TRUEPOSE_API truepose_outcome truepose_control_fault_tolerant(
     const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
     truepose_fault_monitor* monitor, const truepose_setpoint* setpoint,
     const truepose_real q_e[TRUEPOSE_READINGS], const truepose_knowledge* known,
-    truepose_real* work, truepose_real torque[TRUEPOSE_FREEDOMS], truepose_fault_report* report);
+    truepose_real* work, truepose_real torque[TRUEPOSE_MOTORS], truepose_fault_report* report);
 
 /** The monitor alone, for drives that close their own loops.
  * @param desired   motor setpoints, n
  * @param believed  out: the readings, or substitutes for the excluded ones */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_step(
     const truepose_model* finest, truepose_fault_monitor* monitor,
-    const truepose_real desired[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
+    const truepose_real desired[TRUEPOSE_MOTORS], const truepose_real q_e[TRUEPOSE_READINGS],
     const truepose_knowledge* known, truepose_real* work, truepose_real believed[TRUEPOSE_READINGS],
     truepose_fault_report* report);
 
@@ -649,8 +642,8 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_
 /** For drives that close their own loops, before each step: by how much they have led each motor
  * off its setpoint, up to a constant; the sum of their commanded motion less the setpoint's. 0 at
  * first. Without it a motor that a law turns back against its setpoint may seem stuck. */
-TRUEPOSE_API truepose_outcome truepose_fault_monitor_led(
-    truepose_fault_monitor* monitor, const truepose_real led[TRUEPOSE_FREEDOMS]);
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
+                                                         const truepose_real led[TRUEPOSE_MOTORS]);
 
 /** 1: warm. Only the growth of base, arms and rods explains the readings, within the settings'. */
 TRUEPOSE_API int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor);
@@ -667,8 +660,8 @@ typedef struct truepose_momentum_settings {
   truepose_real kept;      /**< and one that is named already */
   truepose_real window;    /**< time constant with which older samples are forgotten, s */
   truepose_real over;      /**< time below a quarter of `alarm` until a disturbance is over, s */
-  truepose_real sigma[TRUEPOSE_FREEDOMS]; /**< of unknown friction and counts, N·m or N */
-  truepose_real give[TRUEPOSE_FREEDOMS];  /**< error at which a loop balances 1 N·m (N), rad or m */
+  truepose_real sigma[TRUEPOSE_MOTORS]; /**< of unknown friction and counts, N·m or N */
+  truepose_real give[TRUEPOSE_MOTORS];  /**< error at which a loop balances 1 N·m (N), rad or m */
 } truepose_momentum_settings;
 /** @param settings  of the loops; kp alone matters
  * @return NO_SUCH_VALUE (`part`: the motor): without torque limit or gain, `momentum` unchanged */
@@ -685,7 +678,7 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_momentum(
  * @param torque  of the motors in the last control period, n, N·m or N @return UNFINISHED */
 TRUEPOSE_API truepose_outcome
 truepose_fault_monitor_observe(const truepose_model* model, truepose_fault_monitor* monitor,
-                               const truepose_real torque[TRUEPOSE_FREEDOMS]);
+                               const truepose_real torque[TRUEPOSE_MOTORS]);
 
 typedef enum truepose_disturbance_kind {
   TRUEPOSE_NO_DISTURBANCE = 0,
@@ -737,16 +730,16 @@ typedef struct truepose_safety_limits {
   truepose_real stop;       /**< duration of a stop along the path, s */
   truepose_real brake;      /**< closing and opening time of a brake, s */
   truepose_real standstill; /**< longest time from closed brakes to rest, s */
-  truepose_real torque[TRUEPOSE_FREEDOMS];    /**< largest, N·m or N */
-  truepose_real slew[TRUEPOSE_FREEDOMS];      /**< largest change of the torque, per s */
-  truepose_real tracking[TRUEPOSE_FREEDOMS];  /**< largest motor error of the law, rad or m */
-  truepose_real deviation[TRUEPOSE_FREEDOMS]; /**< largest distance from the setpoint */
-  truepose_real speed[TRUEPOSE_FREEDOMS];     /**< largest, rad/s or m/s */
-  truepose_real count[TRUEPOSE_FREEDOMS];     /**< largest error of a difference of readings */
-  truepose_real still[TRUEPOSE_FREEDOMS];     /**< motion that a frozen frame does not show */
-  truepose_real kp[TRUEPOSE_FREEDOMS], kd[TRUEPOSE_FREEDOMS]; /**< 1/s², 1/s: the motors' loops */
-  truepose_real rests[TRUEPOSE_FREEDOMS]; /**< error at which a motor may rest */
-  truepose_real low[TRUEPOSE_FREEDOMS], high[TRUEPOSE_FREEDOMS];         /**< range (equal: any) */
+  truepose_real torque[TRUEPOSE_MOTORS];    /**< largest, N·m or N */
+  truepose_real slew[TRUEPOSE_MOTORS];      /**< largest change of the torque, per s */
+  truepose_real tracking[TRUEPOSE_MOTORS];  /**< largest motor error of the law, rad or m */
+  truepose_real deviation[TRUEPOSE_MOTORS]; /**< largest distance from the setpoint */
+  truepose_real speed[TRUEPOSE_MOTORS];     /**< largest, rad/s or m/s */
+  truepose_real count[TRUEPOSE_MOTORS];     /**< largest error of a difference of readings */
+  truepose_real still[TRUEPOSE_MOTORS];     /**< motion that a frozen frame does not show */
+  truepose_real kp[TRUEPOSE_MOTORS], kd[TRUEPOSE_MOTORS];    /**< 1/s², 1/s: the motors' loops */
+  truepose_real rests[TRUEPOSE_MOTORS];                      /**< error at which a motor may rest */
+  truepose_real low[TRUEPOSE_MOTORS], high[TRUEPOSE_MOTORS]; /**< range (equal: any) */
   truepose_real box_low[TRUEPOSE_FREEDOMS], box_high[TRUEPOSE_FREEDOMS]; /**< of x, likewise */
 } truepose_safety_limits;
 
@@ -800,7 +793,7 @@ typedef struct truepose_safety_report {
   int32_t follows;         /**< 1: the law acts, and the path moves */
   int32_t unused;          /**< 0 */
   truepose_real path_stop; /**< duration of a stop along the path, s, for truepose_advance() */
-  truepose_real torque[TRUEPOSE_FREEDOMS]; /**< to the motors, N·m or N */
+  truepose_real torque[TRUEPOSE_MOTORS]; /**< to the motors, N·m or N */
 } truepose_safety_report;
 
 /** Limits and state of a shell. Opaque. */
@@ -841,16 +834,16 @@ TRUEPOSE_API truepose_outcome truepose_control_safely(
 
 /** One cycle of a controller that is not truepose's. Motors as bits: the first one's 1. */
 typedef struct truepose_safety_cycle {
-  int32_t status;                          /**< truepose_status of the controller's answer */
-  int32_t disagree;                        /**< 1: readings disagree, none is isolated */
-  uint32_t suspected;                      /**< motors that may be faulty, */
-  uint32_t lost;                           /**< and those without a substitute */
-  truepose_real x[TRUEPOSE_FREEDOMS];      /**< pose of the setpoint */
-  truepose_real q_d[TRUEPOSE_FREEDOMS];    /**< motor setpoints, */
-  truepose_real q[TRUEPOSE_FREEDOMS];      /**< readings, */
-  truepose_real error[TRUEPOSE_FREEDOMS];  /**< motor errors that the loop reduces, */
-  truepose_real torque[TRUEPOSE_FREEDOMS]; /**< the controller's torques, N·m or N, */
-  truepose_real load[TRUEPOSE_FREEDOMS];   /**< and the last part of them that is not the loop's */
+  int32_t status;                        /**< truepose_status of the controller's answer */
+  int32_t disagree;                      /**< 1: readings disagree, none is isolated */
+  uint32_t suspected;                    /**< motors that may be faulty, */
+  uint32_t lost;                         /**< and those without a substitute */
+  truepose_real x[TRUEPOSE_FREEDOMS];    /**< pose of the setpoint */
+  truepose_real q_d[TRUEPOSE_MOTORS];    /**< motor setpoints, */
+  truepose_real q[TRUEPOSE_MOTORS];      /**< readings, */
+  truepose_real error[TRUEPOSE_MOTORS];  /**< motor errors that the loop reduces, */
+  truepose_real torque[TRUEPOSE_MOTORS]; /**< the controller's torques, N·m or N, */
+  truepose_real load[TRUEPOSE_MOTORS];   /**< and the last part of them that is not the loop's */
 } truepose_safety_cycle;
 
 /** The shell alone, after the controller's cycle. Restart the controller in each cycle in which the
@@ -877,7 +870,7 @@ typedef struct truepose_start_settings {
   truepose_real inertia;     /**< factor by which a motor's may be smaller than the model's */
   truepose_real weight;      /**< relative error of the weight that a motor holds */
   truepose_real false_alarm; /**< of the consistency at rest */
-  truepose_real friction[TRUEPOSE_FREEDOMS]; /**< N·m or N (0: the robot's) */
+  truepose_real friction[TRUEPOSE_MOTORS]; /**< N·m or N (0: the robot's) */
 } truepose_start_settings;
 TRUEPOSE_API void truepose_start_defaults(truepose_start_settings* settings);
 
@@ -904,10 +897,10 @@ typedef struct truepose_start_report {
   uint32_t exchangeable;  /**< passed: readings whose exchange would not have been seen */
   uint32_t brakes;        /**< motors whose brakes must hold */
   int32_t motor;          /**< that is tested, from 0 */
-  truepose_real torque[TRUEPOSE_FREEDOMS]; /**< to the motors, N·m or N */
-  truepose_real scale[TRUEPOSE_READINGS];  /**< of every reading, 1: as the others show, */
-  truepose_real sigma[TRUEPOSE_READINGS];  /**< and its standard deviation; infinite where
-                                                nothing has shown it */
+  truepose_real torque[TRUEPOSE_MOTORS];  /**< to the motors, N·m or N */
+  truepose_real scale[TRUEPOSE_READINGS]; /**< of every reading, 1: as the others show, */
+  truepose_real sigma[TRUEPOSE_READINGS]; /**< and its standard deviation; infinite where
+                                               nothing has shown it */
 } truepose_start_report;
 
 /** Settings, limits and state of a test. Opaque. */

@@ -1,7 +1,6 @@
 /// @file
 /// The compiled library for controllers in C++20: the functions of truepose.h as methods, without
-/// Eigen or templates per robot. Links truepose::truepose. Guide: docs/cpp.md. For inlining,
-/// truepose/core.hpp has the same functions as header-only templates.
+/// Eigen or templates per robot. Links truepose::truepose. Guide: docs/cpp.md.
 ///
 /// Every method returns an Outcome; outputs are unchanged where it is false. Nothing allocates,
 /// locks or throws. Units m, rad, s, kg, N, N·m; base frame.
@@ -15,9 +14,6 @@
 #include "truepose/truepose.h"
 
 namespace truepose {
-static_assert(std::is_same_v<Real, truepose_real> && kMaxDof == TRUEPOSE_FREEDOMS &&
-              kMaxMotors == TRUEPOSE_FREEDOMS && kMaxReadings == TRUEPOSE_READINGS);
-
 inline Outcome outcome_of(truepose_outcome from) {
   return {static_cast<Status>(from.status), from.part};
 }
@@ -63,7 +59,7 @@ class Model {
     return outcome_of(truepose_jacobian(&model_, x.data(), J[0].data()));
   }
   /// Extended-to-joint matrix by rows. @param band  conditioning below which J is damped
-  Outcome tej(const Coordinates& x, std::array<Extended, TRUEPOSE_FREEDOMS>& tej,
+  Outcome tej(const Coordinates& x, std::array<Extended, TRUEPOSE_MOTORS>& tej,
               Real band = 0) const {
     return outcome_of(truepose_tej(&model_, x.data(), band, tej[0].data()));
   }
@@ -103,6 +99,13 @@ class Controller {
   /// @return as truepose_fault_monitor_init()
   Outcome begin(const truepose_fault_monitor_settings& settings) {
     return outcome_of(truepose_fault_monitor_init(&monitor_, sizeof monitor_, &settings));
+  }
+  /// One servo cycle with the settings' law, for drives that close their own loops. A law that
+  /// weighs caches its weights.
+  Outcome servo(const Model& model, const Coordinates& x_d, const Extended& q_e,
+                truepose_servo_cycle& cycle, Weights weights = {}) {
+    return outcome_of(truepose_controller_servo(model.c(), &controller_, x_d.data(), q_e.data(),
+                                                weights.known, weights.work, &cycle));
   }
   Outcome step(const Model& model, const truepose_setpoint& setpoint, const Extended& q_e,
                Joint& torque, Weights weights = {}) {

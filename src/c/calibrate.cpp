@@ -32,7 +32,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   std::vector<double> xi(parameter_count(drawn)), sigma;
   if (const Outcome outcome = drawn_parameters(drawn, xi.data()); !outcome) return outcome;
   for (int k = 0; mean && k < p; ++k) xi[prior.column[k]] = mean[k];
-  const Knowledge known{p, prior.column, prior.root, values<Extended>(prior.sigma)};
+  const auto known = converted<Knowledge>(prior);
   ReadingLog readings;
   readings.count = log.rows, readings.q_e = log.readings;
   if (log.measured) {
@@ -93,7 +93,7 @@ truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t c
     Robot changed = robot;
     if (const Outcome outcome = set_parameters(robot, xi.data(), changed); !outcome) return outcome;
     c::Model* made = c::Model::make(model, size);
-    if (made == nullptr) return {Status::too_small, -1};
+    if (made == nullptr) return c::kTooSmall;
     made->robot = changed;
     return {};
   });

@@ -1,115 +1,104 @@
 // Laws, controllers and fault-tolerant controllers for C.
-#include <bit>
-
 #include "c/controllers.hpp"
 
 using namespace truepose;
 
 namespace truepose::c {
 namespace {
-bool law_exists(std::int32_t law) {
-  return law >= 0 && law < static_cast<std::int32_t>(kLawTable.size());
+/// Whether an enum, which C may have made, is one of `count` from 0.
+bool below(auto value, std::size_t count) { return static_cast<std::size_t>(value) < count; }
+bool law_exists(Law law) { return below(law, kLawTable.size()); }
+}  // namespace
+
+Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least) {
+  const int all = parameter_count(robot);
+  if (known.count < least || known.count > all) return {Status::no_such_part, -1};
+  for (int k = 0; k < known.count; ++k)
+    if (known.column[k] < 0 || known.column[k] >= all) return {Status::no_such_part, k};
+  return {};
 }
 
-Status status_of(const truepose_control_settings& s) {
-  if (!law_exists(s.law) || s.gains < 0 || s.gains > 1 || s.feed_forward < 0 || s.feed_forward > 2)
+Status status_of(const ControlSettings& s) {
+  if (!law_exists(s.law) || !below(s.gains, 2) || !below(s.feed_forward, 3))
     return Status::no_such_part;
-  if (!finite(s, ControlSettings{})) return Status::not_finite;
+  if (!finite(s)) return Status::not_finite;
   const bool good = s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 &&
                     s.lead_out >= 0 && s.sigma_scale >= 0;
   return good ? Status::ok : Status::no_such_value;
 }
 
-Status status_of(const truepose_fault_monitor_settings& s) {
-  if (!finite(s, FaultTolerantSettings{})) return Status::not_finite;
+Status status_of(const FaultMonitorSettings& s) {
+  if (!finite(s)) return Status::not_finite;
   bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
               s.spikes <= kSpikesKept && s.within > 0;
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
-  for (const truepose_real number :
-       {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held})
+  for (const Real number : {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held})
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
-  for (const truepose_real growth : s.growth) {
+  for (const Real growth : s.growth) {
     if (growth > 0 && !kFollowsWarmUp) return Status::not_compiled;
     good = good && growth >= 0 && growth < 1 && (growth == 0 || s.memory > 0);
   }
   return good ? Status::ok : Status::no_such_value;
 }
 
+namespace {
 void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
-  const FaultTolerantState& state = setup.state;
+  const FaultMonitor& monitor = setup.state.monitor;
   *report = truepose_fault_report{};
   for (int c = 0; c < kMaxReadings; ++c) {
-    report->health[c] = static_cast<std::int32_t>(state.monitor.reading[c].health);
-    report->symptom[c] = static_cast<std::int32_t>(state.monitor.reading[c].symptom);
+    report->health[c] = static_cast<std::int32_t>(monitor.reading[c].health);
+    report->symptom[c] = static_cast<std::int32_t>(monitor.reading[c].symptom);
   }
-  report->doubted = state.monitor.doubted;
-  report->lost = state.monitor.lost;
-  report->brakes = state.brakes;
-  report->stops = state.stops || state.monitor.undecided || state.monitor.lost != 0;
-  if (report->stops)
-    report->stop = state.monitor.lost ? setup.settings.stop_lost : setup.settings.stop;
+  report->doubted = monitor.doubted;
+  report->lost = monitor.lost;
+  report->brakes = setup.state.brakes;
+  report->stops = setup.state.stops || monitor.undecided || monitor.lost != 0;
+  const FaultMonitorSettings& settings = setup.settings.monitor;
+  if (report->stops) report->stop = monitor.lost ? settings.stop_lost : settings.stop;
 }
 
-/// ê_q of a law; the other results of the cycle unless null.
-truepose_outcome servo(const truepose_model* model, std::int32_t law, Real band,
-                       const truepose_real* x_d, const truepose_real* q_e,
-                       const truepose_knowledge* known, truepose_real* work, truepose_real* e,
-                       ServoCycle* cycle) {
-  if (!law_exists(law)) return answer({Status::no_such_part, -1});
-  return asked(model, [&](const Robot& robot) {
-    const Law by = static_cast<Law>(law);
-    const Known weighs(robot, known, work, nullptr, properties(by).weighs);
-    if (!weighs.sound) return weighs.sound;
-    Joint error{};
-    const Outcome outcome = motor_error(robot, by, values<Coordinates>(x_d), values<Extended>(q_e),
-                                        error, band, weighs.weighing, nullptr, cycle);
-    if (outcome) give(error, e);
-    return outcome;
-  });
+/// The servo cycle of a law.
+Outcome servo(const Robot& robot, Law law, Real band, const truepose_real* x_d, const Extended& q_e,
+              const Weighing& weighing, Parasitic* nearby, truepose_servo_cycle* cycle) {
+  ServoCycle found;
+  const Outcome outcome = motor_error(robot, law, values<Coordinates>(x_d), q_e, found.error, band,
+                                      weighing, nearby, &found);
+  if (outcome) *cycle = converted<truepose_servo_cycle>(found);
+  return outcome;
 }
 }  // namespace
 }  // namespace truepose::c
 
 extern "C" {
 size_t truepose_work(const truepose_model* model, int32_t count) {
-  return c::of_robot(model, std::size_t{0}, [&](const Robot& robot) {
-    return static_cast<std::size_t>(estimate_work(robot, std::max<std::int32_t>(count, 0)));
-  });
-}
-
-truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, truepose_real band,
-                                      const truepose_real* x_d, const truepose_real* q_e,
-                                      const truepose_knowledge* known, truepose_real* work,
-                                      truepose_real* e) {
-  return c::servo(model, law, band, x_d, q_e, known, work, e, nullptr);
+  const Robot* robot = c::robot_of(model);
+  return robot ? static_cast<std::size_t>(estimate_work(*robot, std::max(count, 0))) : 0;
 }
 
 truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepose_real band,
                                 const truepose_real* x_d, const truepose_real* q_e,
                                 const truepose_knowledge* known, truepose_real* work,
                                 truepose_servo_cycle* cycle) {
-  ServoCycle found;
-  const truepose_outcome outcome =
-      c::servo(model, law, band, x_d, q_e, known, work, cycle->error, &found);
-  if (outcome.status > TRUEPOSE_OK) return outcome;
-  c::give(found.q_d, cycle->q_d);
-  c::give(found.x, cycle->x);
-  c::give(found.J, cycle->J);
-  c::give(found.tej, cycle->tej);
-  return outcome;
+  const Law by{law};
+  if (!c::law_exists(by)) return c::answer(Status::no_such_part);
+  return c::asked(model, [&](const Robot& robot) {
+    const c::Known weighs(robot, known, work, nullptr, properties(by).weighs);
+    if (!weighs.sound) return weighs.sound;
+    return c::servo(robot, by, band, x_d, c::values<Extended>(q_e), weighs.weighing, nullptr,
+                    cycle);
+  });
 }
 
 truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    if (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
     if (cap < 1 || cap > kFkmCap) return {Status::no_such_value, -1};
-    auto found = std::bit_cast<AxisState>(*joints);
-    const Outcome outcome = joint_state(robot, std::bit_cast<AxisState>(*motors), cap, found);
-    if (outcome) *joints = std::bit_cast<truepose_axis_state>(found);
+    auto found = c::converted<AxisState>(*joints);
+    const Outcome outcome = joint_state(robot, c::converted<AxisState>(*motors), cap, found);
+    if (outcome) *joints = c::converted<truepose_axis_state>(found);
     return outcome;
   });
 }
@@ -118,20 +107,19 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
                                         const truepose_axis_state* motors,
                                         const truepose_axis_state* joints,
                                         const truepose_axis_command* joint_command,
-                                        truepose_axis_command* motor_command_) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
-    if (!is_rotational(Mobility::rotational_1)) return c::kNotRotational;
-    AxisCommand given;
+                                        truepose_axis_command* given) {
+  return c::asked(model, [&](const Robot& robot) {
+    AxisCommand found;
     const Outcome outcome =
-        motor_command(robot, std::bit_cast<AxisState>(*motors), std::bit_cast<AxisState>(*joints),
-                      std::bit_cast<AxisCommand>(*joint_command), given);
-    if (outcome) *motor_command_ = std::bit_cast<truepose_axis_command>(given);
+        motor_command(robot, c::converted<AxisState>(*motors), c::converted<AxisState>(*joints),
+                      c::converted<AxisCommand>(*joint_command), found);
+    if (outcome) *given = c::converted<truepose_axis_command>(found);
     return outcome;
   });
 }
 
 void truepose_control_defaults(truepose_control_settings* settings) {
-  c::describe(ControlSettings{}, *settings);
+  *settings = c::converted<truepose_control_settings>(ControlSettings{});
 }
 
 truepose_outcome truepose_place_poles(const truepose_model* model, const truepose_real* x,
@@ -139,10 +127,10 @@ truepose_outcome truepose_place_poles(const truepose_model* model, const truepos
                                       truepose_control_settings* settings) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
     if (!(frequency > 0 && damping > 0)) return {Status::no_such_value, -1};
-    ControlSettings placed = c::of_c(*settings);
+    auto placed = c::converted<ControlSettings>(*settings);
     const Outcome outcome =
         place_poles(robot, c::values<Coordinates>(x), frequency, damping, placed);
-    if (outcome) c::describe(placed, *settings);
+    if (outcome) *settings = c::converted<truepose_control_settings>(placed);
     return outcome;
   });
 }
@@ -151,44 +139,41 @@ size_t truepose_controller_size(void) { return sizeof(c::Controller); }
 
 truepose_outcome truepose_controller_init(truepose_controller* controller, size_t size,
                                           const truepose_control_settings* settings) {
-  truepose_control_settings all;
-  Status status = c::take(*settings, ControlSettings{}, all);
+  ControlSettings all;
+  Status status = c::take(*settings, all);
   if (status == Status::ok) status = c::status_of(all);
-  if (status != Status::ok) return c::answer({status, -1});
+  if (status != Status::ok) return c::answer(status);
   c::Controller* made = c::Controller::make(controller, size);
-  if (made == nullptr) return c::answer({Status::too_small, -1});
-  made->settings = c::of_c(all);
-  return c::answer({});
+  if (made == nullptr) return c::answer(c::kTooSmall);
+  made->settings = all;
+  return c::answer(Outcome{});
 }
 
 truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law) {
   c::Controller* made = c::Controller::of(controller);
   if (made == nullptr) return c::answer(c::kUnfinished);
-  if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
-  made->settings.law = static_cast<Law>(law);
-  return c::answer({});
+  if (!c::law_exists(Law{law})) return c::answer(Status::no_such_part);
+  made->settings.law = Law{law};
+  return c::answer(Outcome{});
 }
 
-truepose_outcome truepose_controller_error(const truepose_model* model,
+truepose_outcome truepose_controller_servo(const truepose_model* model,
                                            truepose_controller* controller,
                                            const truepose_real* x_d, const truepose_real* q_e,
                                            const truepose_knowledge* known, truepose_real* work,
-                                           truepose_real* e) {
+                                           truepose_servo_cycle* cycle) {
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
     const ControlSettings& settings = made->settings;
     const c::Known weighs(robot, known, work, &made->kept, properties(settings.law).weighs);
     if (!weighs.sound) return weighs.sound;
-    Joint error{};
     Parasitic nearby = made->state.nearby;
     const c::Present now(robot, *made, q_e, weighs.weighing);
     const Scaled scaled(now.weighing, settings.sigma_scale);
-    const Outcome outcome = motor_error(robot, settings.law, c::values<Coordinates>(x_d), now.q_e,
-                                        error, settings.damped_below, scaled.weighing, &nearby);
-    if (!outcome) return outcome;
-    made->state.nearby = nearby;
-    c::give(error, e);
+    const Outcome outcome = c::servo(robot, settings.law, settings.damped_below, x_d, now.q_e,
+                                     scaled.weighing, &nearby, cycle);
+    if (outcome) made->state.nearby = nearby;
     return outcome;
   });
 }
@@ -203,7 +188,7 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
     const c::Known weighs(robot, known, work, &made->kept, properties(made->settings.law).weighs);
     if (!weighs.sound) return weighs.sound;
     const c::Present now(robot, *made, q_e, weighs.weighing);
-    const Outcome outcome = control(robot, made->settings, std::bit_cast<Setpoint>(*setpoint),
+    const Outcome outcome = control(robot, made->settings, c::converted<Setpoint>(*setpoint),
                                     now.q_e, made->state, now.weighing);
     c::give(made->state.torque, torque);
     return outcome;
@@ -214,12 +199,10 @@ size_t truepose_multirate_size(void) { return sizeof(c::SlowSensors); }
 
 truepose_outcome truepose_multirate_init(truepose_multirate* sensors, size_t size,
                                          const truepose_multirate_settings* settings) {
-  if (settings->size != sizeof *settings) return c::answer({Status::other_version, -1});
+  if (settings->size != sizeof *settings) return c::answer(Status::other_version);
   c::SlowSensors* made = c::SlowSensors::make(sensors, size);
-  if (made == nullptr) return c::answer({Status::too_small, -1});
-  MultirateSettings core;
-  c::fields(*settings, core, c::Copy<true>{});
-  const Outcome outcome = start(core, made->late);
+  if (made == nullptr) return c::answer(c::kTooSmall);
+  const Outcome outcome = start(c::converted<MultirateSettings>(*settings), made->late);
   if (!outcome) made->mark = 0;
   return c::answer(outcome);
 }
@@ -233,7 +216,7 @@ truepose_outcome truepose_controller_sensors(truepose_controller* controller,
   made->compensate = [](const Robot& robot, Multirate& late, c::Present& now) {
     now.weighing = compensated(robot, now.weighing, late, now.known, now.q_e);
   };
-  return c::answer({});
+  return c::answer(Outcome{});
 }
 
 truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t arrived,
@@ -250,22 +233,22 @@ truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t
         late.arrived &= ~bit(k);
     }
   if (stale) *stale = arrived & late.which & ~late.arrived;
-  return c::answer({});
+  return c::answer(Outcome{});
 }
 
 size_t truepose_fault_monitor_size(void) { return sizeof(c::FaultTolerantSetup); }
 
 truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* monitor, size_t size,
                                              const truepose_fault_monitor_settings* settings) {
-  truepose_fault_monitor_settings all;
-  Status status = c::take(*settings, FaultTolerantSettings{}, all);
+  FaultMonitorSettings all;
+  Status status = c::take(*settings, all);
   if (status == Status::ok) status = c::status_of(all);
-  if (status != Status::ok) return c::answer({status, -1});
+  if (status != Status::ok) return c::answer(status);
   c::FaultTolerantSetup* made = c::FaultTolerantSetup::make(monitor, size);
-  if (made == nullptr) return c::answer({Status::too_small, -1});
-  c::fields(all, made->settings, c::Copy<true>{});
-  prepare(made->settings.monitor);
-  return c::answer({});
+  if (made == nullptr) return c::answer(c::kTooSmall);
+  prepare(all);
+  made->settings.monitor = all;
+  return c::answer(Outcome{});
 }
 
 truepose_outcome truepose_control_fault_tolerant(
@@ -281,7 +264,7 @@ truepose_outcome truepose_control_fault_tolerant(
     if (!weighs.sound) return weighs.sound;
     if (!c::monitors(*setup, robot, finest)) return c::kUnfinished;
     const Outcome outcome = control_fault_tolerant(
-        robot, made->settings, setup->settings, std::bit_cast<Setpoint>(*setpoint),
+        robot, made->settings, setup->settings, c::converted<Setpoint>(*setpoint),
         c::values<Extended>(q_e), made->state, weighs.weighing, setup->state, made->late);
     c::give(made->state.torque, torque);
     c::report_on(*setup, report);
@@ -313,21 +296,20 @@ truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
 
 truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* monitor,
                                                     int32_t reading) {
-  c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
-  if (setup == nullptr) return c::answer(c::kUnfinished);
-  if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, reading});
-  acknowledge(setup->state, reading);
-  return c::answer({});
+  return c::of_monitor(monitor, [&](c::FaultTolerantSetup& setup) -> Outcome {
+    if (!c::below(reading, kMaxReadings)) return {Status::no_such_part, reading};
+    acknowledge(setup.state, reading);
+    return {};
+  });
 }
 
 truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
                                             const truepose_real* led) {
-  c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
-  if (setup == nullptr) return c::answer(c::kUnfinished);
-  const auto values = c::values<Joint>(led);
-  if (!all_finite(values, kMaxMotors)) return c::answer({Status::not_finite, -1});
-  setup->state.monitor.led = values;
-  return c::answer({});
+  return c::of_monitor(monitor, [&](c::FaultTolerantSetup& setup) -> Outcome {
+    if (!all_finite(led, kMaxMotors)) return {Status::not_finite, -1};
+    setup.state.monitor.led = c::values<Joint>(led);
+    return {};
+  });
 }
 
 int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
@@ -336,13 +318,13 @@ int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
 }
 
 void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {
-  auto core = std::bit_cast<PathClock>(*clock);
+  auto core = c::converted<PathClock>(*clock);
   core.advance(period, stop);
-  *clock = std::bit_cast<truepose_path_clock>(core);
+  *clock = c::converted<truepose_path_clock>(core);
 }
 
 void truepose_pace(const truepose_path_clock* clock, truepose_setpoint* setpoint) {
-  const auto core = std::bit_cast<PathClock>(*clock);
-  *setpoint = std::bit_cast<truepose_setpoint>(core.paced(std::bit_cast<Setpoint>(*setpoint)));
+  const Setpoint paced = c::converted<PathClock>(*clock).paced(c::converted<Setpoint>(*setpoint));
+  *setpoint = c::converted<truepose_setpoint>(paced);
 }
 }

@@ -1,9 +1,8 @@
 // Controllers and fault-tolerant controllers in memory from C callers, and their settings.
 #pragma once
 
-#include <cstddef>
+#include <algorithm>
 
-#include "c/description.hpp"
 #include "c/model.hpp"
 
 namespace truepose::c {
@@ -42,30 +41,34 @@ struct FaultTolerantSetup : InMemory<truepose_fault_monitor, FaultTolerantSetup,
   FaultTolerantState state;
 };
 
+/// f(monitor), else `unfinished`.
+template <class Opaque, class F>
+truepose_outcome of_monitor(Opaque* monitor, F&& f) {
+  auto* setup = FaultTolerantSetup::of(monitor);
+  return answer(setup ? Outcome(f(*setup)) : kUnfinished);
+}
+
 /// Sets the model of a monitor; null: the law's. @return false: not loaded, or of another robot
 inline bool monitors(FaultTolerantSetup& setup, const Robot& robot, const truepose_model* finest) {
-  const Model* of = finest ? Model::of(finest) : nullptr;
-  if (finest && (of == nullptr || of->robot.mobility != robot.mobility || of->robot.r != robot.r))
-    return false;
-  setup.settings.finest = of ? &of->robot : nullptr;
+  const Robot* of = finest ? robot_of(finest) : nullptr;
+  if (finest && (of == nullptr || of->mobility != robot.mobility || of->r != robot.r)) return false;
+  setup.settings.finest = of;
   return true;
 }
 
-inline ControlSettings of_c(const truepose_control_settings& from) {
-  ControlSettings settings;
-  fields(from, settings, Copy<true>{});
-  settings.sigma_scale = std::max(settings.sigma_scale, 1);
-  return settings;
-}
+/// Whether settings have a value for everything; implemented where they are used.
+Status status_of(const ControlSettings& settings);
+Status status_of(const FaultMonitorSettings& settings);
+Status status_of(const MomentumSettings& settings);
 
-/// Reads settings that an earlier release may have made: members they lack have their defaults.
-template <class C, class Core>
-Status take(const C& given, const Core& defaults, C& all) {
-  describe(defaults, all);
-  if (given.size < offsetof(C, period) || given.size > sizeof all) return Status::other_version;
-  std::memcpy(&all, &given, given.size);
+/// Reads settings that an earlier release may have made: members they lack keep their defaults.
+template <class Core>
+Status take(const typename Described<Core>::type& given, Core& all) {
+  using C = typename Described<Core>::type;
+  if (given.size < offsetof(C, period) || given.size > sizeof given) return Status::other_version;
+  std::memcpy(static_cast<void*>(&all), &given, given.size);
+  all.size = sizeof given;
+  if constexpr (std::is_same_v<Core, ControlSettings>) all.sigma_scale += all.sigma_scale == 0;
   return Status::ok;
 }
-
-inline constexpr Outcome kUnfinished{Status::unfinished, -1};
 }  // namespace truepose::c

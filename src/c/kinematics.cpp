@@ -1,6 +1,7 @@
 // Poses and kinematics for C.
 #include "c/model.hpp"
 #include "math/roll_pitch_yaw.hpp"
+#include "math/square.hpp"
 #include "mechanism/angles_of.hpp"
 #include "mechanism/gyro.hpp"
 
@@ -52,15 +53,12 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
     const Real near = x[robot.motors - 1];
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
   }
-  const Coordinates found = [&] {
-    if (is_rotational(robot.mobility)) {
-      Pose angles = to_pose(robot.mobility, all_finite(x, robot.motors) ? x : robot.home);
-      angles_of(robot, at, angles);
-      return to_coordinates(robot.mobility, angles);
-    } else {
-      return to_coordinates(robot.mobility, at);
-    }
-  }();
+  Pose own = at;
+  if (is_rotational(robot.mobility)) {
+    own = to_pose(robot.mobility, all_finite(x, robot.motors) ? x : robot.home);
+    angles_of(robot, at, own);
+  }
+  const Coordinates found = to_coordinates(robot.mobility, own);
   const Pose again = place_of(robot, found);
   if (!(largest(again.R - at.R) < kRotation && largest(again.D - at.D) < kRotation))
     return {Status::no_such_value, -1};
@@ -79,39 +77,25 @@ Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
   return robot.rod_by_rod() ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
 }
 
-/// Solves Jᵀ x = b in place, by elimination with partial pivoting.
-void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
-  for (int k = 0; k < n; ++k) {
-    int best = k;
-    for (int i = k + 1; i < n; ++i)
-      if (std::fabs(J[k][i]) > std::fabs(J[k][best])) best = i;
-    for (int j = k; j < n; ++j) std::swap(J[j][k], J[j][best]);
-    std::swap(b[k], b[best]);
-    for (int i = k + 1; i < n; ++i) {
-      const Real factor = J[k][i] / J[k][k];
-      for (int j = k + 1; j < n; ++j) J[j][i] -= factor * J[j][k];
-      b[i] -= factor * b[k];
-    }
-  }
-  for (int k = n - 1; k >= 0; --k) {
-    for (int j = k + 1; j < n; ++j) b[k] -= J[j][k] * b[j];
-    b[k] /= J[k][k];
-  }
-}
-
 /// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
+template <class From, class To>
 Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
-               bool to_joints, truepose_real* to) {
-  auto given = values<Coordinates>(from);
+               truepose_real* to) {
+  constexpr bool kToJoints = std::is_same_v<To, Coordinates>;
+  const auto given = values<From>(from);
   const int n = robot.motors;
   if (!all_finite(given, n)) return {Status::not_finite, -1};
   JointMatrix J{};
   const Outcome outcome = rates(robot, x, J);
   if (!outcome) return outcome;
-  Coordinates result{};
-  if (to_joints) solve_transposed(J, n, given);
+  Square by{}, inverse{};
+  Unknowns size{};
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) result[i] += to_joints ? (i == j) * given[j] : J[j][i] * given[j];
+    for (int j = 0; j < n; ++j) by[i][j] = J[i][j], size[j] += J[i][j] * J[i][j];
+  if (kToJoints && !invert(n, by, size, 0, inverse)) return {Status::singular, -1};
+  To result{};
+  for (int i = 0; i < n; ++i)
+    result[i] = sum_of(n, [&](int j) { return (kToJoints ? inverse : by)[j][i] * given[j]; });
   give(result, to);
   return outcome;
 }
@@ -149,15 +133,16 @@ Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
 }
 
 FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
-  if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
+  if (cap < 1 || cap > kFkmCap) return {{Status::no_such_value, -1}};
   const auto motors = values<Joint>(q);
   return robot.rod_by_rod() ? fkm_full(robot, motors, x, cap) : fkm(robot, motors, x, cap);
 }
-truepose_fkm_result to_c(const FkmResult& result) {
-  return {c::answer(result), result.iterations, 0, result.residual};
+/// f(robot) of a loaded model, else `unfinished`.
+template <class F>
+truepose_fkm_result searched(const truepose_model* model, F&& f) {
+  const Robot* robot = robot_of(model);
+  return converted<truepose_fkm_result>(robot ? f(*robot) : FkmResult{kUnfinished});
 }
-
-constexpr FkmResult kUnfinished{Status::unfinished};
 }  // namespace
 }  // namespace truepose::c
 
@@ -185,9 +170,9 @@ truepose_outcome truepose_coordinates_of(const truepose_model* model, const true
 truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
                                               truepose_real* rotation) {
   const auto from = c::values<RollPitchYaw>(angles);
-  if (!all_finite(from, 3)) return c::answer({Status::not_finite, -1});
+  if (!all_finite(from, 3)) return c::answer(Status::not_finite);
   c::by_rows(from_roll_pitch_yaw(from), rotation);
-  return c::answer({});
+  return c::answer(Outcome{});
 }
 
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
@@ -196,7 +181,7 @@ truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truep
   Status status = c::rotation_status(R);
   if (!all_finite(near, 3)) status = Status::not_finite;
   if (status == Status::ok) c::give(to_roll_pitch_yaw(R, near), angles);
-  return c::answer({status, -1});
+  return c::answer(status);
 }
 
 truepose_outcome truepose_ikm(const truepose_model* model, const truepose_real* x,
@@ -213,24 +198,24 @@ truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_p
 
 truepose_fkm_result truepose_fkm(const truepose_model* model, const truepose_real* q, int32_t cap,
                                  truepose_real* x) {
-  return c::to_c(c::of_robot(model, c::kUnfinished, [&](const Robot& robot) {
+  return c::searched(model, [&](const Robot& robot) {
     auto at = c::values<Coordinates>(x);
     const FkmResult result = c::pose_of(robot, q, cap, at);
     if (result) c::give(at, x);
     return result;
-  }));
+  });
 }
 
 truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepose_real* q,
                                       int32_t cap, truepose_pose* pose) {
-  return c::to_c(c::of_robot(model, c::kUnfinished, [&](const Robot& robot) -> FkmResult {
+  return c::searched(model, [&](const Robot& robot) -> FkmResult {
     Coordinates x = robot.home;
     const Outcome near = c::coordinates(robot, *pose, x);
     if (!near) return {near};
     const FkmResult result = c::pose_of(robot, q, cap, x);
     if (result) c::to_c(robot, x, pose);
     return result;
-  }));
+  });
 }
 
 truepose_outcome truepose_readings(const truepose_model* model, const truepose_real* x,
@@ -274,14 +259,16 @@ truepose_outcome truepose_gyro(const truepose_model* model, const truepose_real*
 
 truepose_outcome truepose_joint_torque(const truepose_model* model, const truepose_real* x,
                                        const truepose_real* torque, truepose_real* joint) {
-  return c::asked(model,
-                  [&](const Robot& robot) { return c::mapped(robot, x, torque, true, joint); });
+  return c::asked(model, [&](const Robot& robot) {
+    return c::mapped<Joint, Coordinates>(robot, x, torque, joint);
+  });
 }
 
 truepose_outcome truepose_motor_torque(const truepose_model* model, const truepose_real* x,
                                        const truepose_real* joint, truepose_real* torque) {
-  return c::asked(model,
-                  [&](const Robot& robot) { return c::mapped(robot, x, joint, false, torque); });
+  return c::asked(model, [&](const Robot& robot) {
+    return c::mapped<Coordinates, Joint>(robot, x, joint, torque);
+  });
 }
 
 truepose_outcome truepose_conditioning(const truepose_model* model, const truepose_real* x,

@@ -1,86 +1,71 @@
 // Validation of a C table: every count, index, enum and number is checked before use.
-#include "c/description.hpp"
 #include "c/model.hpp"
 
 namespace truepose::c {
 namespace {
-static_assert(kSensorPart == 6 && kBodyPart == 18 && kAxisPart == 26);  // as in truepose.h
+static_assert(kSensorPart == 8 && kBodyPart == 20 && kAxisPart == 28);  // as in truepose.h
 
 bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
 
-/// A part whose stops may be infinite, but not NaN, without infinite ones.
-template <class C>
-C bounded(C part) {
-  if (std::isinf(part.low)) part.low = 0;
-  if (std::isinf(part.high)) part.high = 0;
-  return part;
+/// Whether all numbers are finite; stops may be infinite, but not NaN.
+template <class Part>
+bool sound(Part part) {
+  if constexpr (requires { part.low; }) {
+    if (std::isinf(part.low)) part.low = 0;
+    if (std::isinf(part.high)) part.high = 0;
+  }
+  return finite(part);
 }
 
-Status status_of(const truepose_chain& c, const Chain& chain) {
-  if (!finite(bounded(c), chain)) return Status::not_finite;
-  const bool revolute = chain.actuator == Actuator::revolute;
-  const bool telescopic = chain.actuator == Actuator::telescopic;
-  bool good = c.low <= c.high && c.encoder_gain != 0 && c.gear != 0 && c.rod_spacing >= 0;
-  good = good && (telescopic || (c.rod > 0 && unit(chain.axis))) &&
-         (!revolute || (c.arm > 0 && c.encoder_buildup == 0));
-  if (revolute) good = good && unit(chain.zero) && std::fabs(chain.axis.dot(chain.zero)) < 1e-6;
-  for (const truepose_real number : {c.encoder_step, c.encoder_noise, c.torque_limit,
-                                     c.drive_inertia, c.arm_mass, c.rod_mass, c.viscous, c.coulomb})
-    good = good && number >= 0;
-  return good ? Status::ok : Status::no_such_value;
+bool good(const Chain& c) {
+  const bool revolute = c.actuator == Actuator::revolute;
+  const bool telescopic = c.actuator == Actuator::telescopic;
+  bool all = c.low <= c.high && c.encoder_gain != 0 && c.eccentricity.gear != 0 &&
+             c.rod_spacing >= 0 && (telescopic || (c.rod > 0 && unit(c.axis))) &&
+             (!revolute || (c.arm > 0 && c.encoder_buildup == 0));
+  if (revolute) all = all && unit(c.zero) && std::fabs(c.axis.dot(c.zero)) < 1e-6;
+  for (const Real number : {c.encoder_step, c.encoder_noise, c.torque_limit, c.drive_inertia,
+                            c.arm_mass, c.rod_mass, c.viscous, c.coulomb})
+    all = all && number >= 0;
+  return all;
 }
-
-Status status_of(const truepose_sensor& c, const Sensor& sensor) {
-  if (!finite(c, sensor)) return Status::not_finite;
-  const unsigned mounting = properties(sensor.kind).mounting;
-  const bool good = c.gain != 0 && c.gear != 0 && c.step >= 0 && c.noise >= 0 && c.weight >= 0 &&
-                    (!(mounting & kDirection) || unit(sensor.direction)) &&
-                    (!(mounting & kNormal) || unit(sensor.normal));
-  return good ? Status::ok : Status::no_such_value;
+bool good(const Sensor& s) {
+  const unsigned mounting = properties(s.kind).mounting;
+  return s.gain != 0 && s.eccentricity.gear != 0 && s.step >= 0 && s.noise >= 0 && s.weight >= 0 &&
+         (!(mounting & kDirection) || unit(s.direction)) &&
+         (!(mounting & kNormal) || unit(s.normal));
 }
-
-Status status_of(const truepose_body& c, const Body& body) {
-  if (!finite(c, body)) return Status::not_finite;
+bool good(const Body& body) {
   bool symmetric = true;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j <= i; ++j)
       symmetric = symmetric && body.inertia(i, j) == body.inertia(j, i) && body.inertia(i, i) >= 0;
-  return c.mass >= 0 && symmetric ? Status::ok : Status::no_such_value;
+  return body.mass >= 0 && symmetric;
 }
-
-Status status_of(const truepose_axis& c, const PassiveAxis& axis) {
-  if (!finite(bounded(c), axis)) return Status::not_finite;
-  return c.low <= c.high && unit(axis.direction) ? Status::ok : Status::no_such_value;
-}
+bool good(const PassiveAxis& axis) { return axis.low <= axis.high && unit(axis.direction); }
 
 /// The first part with invalid numbers. @param first  number of a kind's first part in outcomes
-Outcome checked(const auto& c, const auto& core, int count, int first) {
-  for (int k = 0; k < count; ++k)
-    if (const Status status = status_of(c[k], core[k]); status != Status::ok)
-      return {status, first + k};
+Outcome checked(const auto& parts, int count, int first) {
+  for (int k = 0; k < count; ++k) {
+    if (!sound(parts[k])) return {Status::not_finite, first + k};
+    if (!good(parts[k])) return {Status::no_such_value, first + k};
+  }
   return {};
 }
 
-bool within(std::int32_t count, int most) { return count >= 0 && count <= most; }
-}  // namespace
-
+/// The finished robot of a description.
 Outcome load(const truepose_description& of, Robot& robot) {
   if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return {Status::other_version, -1};
-  if (!within(of.chains, kMaxChains) || !within(of.sensors, kMaxSensors) ||
-      !within(of.bodies, kMaxBodies))
-    return {Status::no_such_part, -1};
-  fields(of, robot, Copy<true>{});
-  parts(of, robot, [](const auto& c, auto& part) { fields(c, part, Copy<true>{}); });
+  std::memcpy(static_cast<void*>(&robot), &of, sizeof of);
   Outcome outcome = parts_exist(robot);
-  if (outcome && !finite(of, robot)) outcome = {Status::not_finite, -1};
-  if (outcome) outcome = checked(of.chain, robot.chain, robot.chains, 0);
-  if (outcome) outcome = checked(of.sensor, robot.sensor, robot.r, kSensorPart);
-  if (outcome) outcome = checked(of.body, robot.body, robot.bodies, kBodyPart);
-  if (outcome) outcome = checked(of.axis, robot.axis, passive_axes(robot.mobility), kAxisPart);
+  if (outcome && !finite(robot)) outcome = {Status::not_finite, -1};
+  if (outcome) outcome = checked(robot.chain, robot.chains, 0);
+  if (outcome) outcome = checked(robot.sensor, robot.r, kSensorPart);
+  if (outcome) outcome = checked(robot.body, robot.bodies, kBodyPart);
+  if (outcome) outcome = checked(robot.axis, passive_axes(robot.mobility), kAxisPart);
   if (!outcome) return outcome;
-  const Level level = robot.level;
   outcome = finish(robot);
-  if (outcome && level == Level::full) {
+  if (outcome && robot.level == Level::full) {
     outcome = finish_full(robot);
     const bool has = robot.full.own() || robot.full.kind == FullKind::same;
     if (outcome && !has) outcome = {Status::no_full_level, -1};
@@ -88,6 +73,7 @@ Outcome load(const truepose_description& of, Robot& robot) {
   if (!outcome) robot.finished = false;
   return outcome;
 }
+}  // namespace
 }  // namespace truepose::c
 
 using namespace truepose;
@@ -102,23 +88,24 @@ const char* truepose_status_text(int32_t status) { return describe(static_cast<S
 truepose_outcome truepose_load(truepose_model* model, size_t size,
                                const truepose_description* description) {
   c::Model* made = c::Model::make(model, size);
-  if (made == nullptr) return c::answer({Status::too_small, -1});
-  return c::answer(c::load(*description, made->robot));
+  return c::answer(made ? c::load(*description, made->robot) : c::kTooSmall);
 }
 
 truepose_outcome truepose_description_of(const truepose_model* model,
                                          truepose_description* description) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
+  return c::asked(model, [&](const Robot& robot) {
     c::describe(robot, *description);
-    return {};
+    return Outcome{};
   });
 }
 
 int32_t truepose_freedoms(const truepose_model* model) {
-  return c::of_robot(model, 0, [](const Robot& robot) { return robot.motors; });
+  const Robot* robot = c::robot_of(model);
+  return robot ? robot->motors : 0;
 }
 
 int32_t truepose_sensors(const truepose_model* model) {
-  return c::of_robot(model, 0, [](const Robot& robot) { return robot.r; });
+  const Robot* robot = c::robot_of(model);
+  return robot ? robot->r : 0;
 }
 }

@@ -2,20 +2,13 @@
 #pragma once
 
 #include <cstdint>
-#include <cstring>
 #include <new>
 
+#include "c/fields.hpp"
 #include "control/command.hpp"
-#include "control/fault_tolerant_control.hpp"
-#include "control/joints.hpp"
-#include "control/safe_control.hpp"
-#include "control/start_test.hpp"
-#include "estimation/estimate.hpp"
 #include "estimation/online_calibrator.hpp"
 #include "mechanism/fkm.hpp"
-#include "mechanism/full_linearise.hpp"
 #include "mechanism/geometry.hpp"
-#include "truepose/truepose.h"
 
 namespace truepose::c {
 /// A struct in opaque memory. `mark` differs in memory without a struct.
@@ -44,48 +37,35 @@ struct Model : InMemory<truepose_model, Model, 0x7452424fU> {
 };
 static_assert(std::is_trivially_copyable_v<Model>);  // C callers copy bytes
 
-inline truepose_outcome answer(Outcome outcome) {
-  return {static_cast<std::int32_t>(outcome.status), outcome.chain};
+/// The robot of a loaded model, else nullptr.
+inline const Robot* robot_of(const truepose_model* model) {
+  const Model* made = Model::of(model);
+  return made != nullptr && made->robot.finished ? &made->robot : nullptr;
 }
 
-/// f(robot) of a loaded model, else `otherwise`.
-template <class Answer, class F>
-Answer of_robot(const truepose_model* model, Answer otherwise, F&& f) {
-  const Model* made = Model::of(model);
-  return made != nullptr && made->robot.finished ? f(made->robot) : otherwise;
-}
+inline constexpr Outcome kUnfinished{Status::unfinished, -1}, kTooSmall{Status::too_small, -1};
+
+inline truepose_outcome answer(Outcome outcome) { return converted<truepose_outcome>(outcome); }
+inline truepose_outcome answer(Status status) { return answer(Outcome{status, -1}); }
+
+/// f(robot) of a loaded model, else `unfinished`.
 template <class F>
 truepose_outcome asked(const truepose_model* model, F&& f) {
-  return answer(of_robot(model, Outcome{Status::unfinished, -1}, f));
+  const Robot* robot = robot_of(model);
+  return answer(robot ? Outcome(f(*robot)) : kUnfinished);
 }
 
-/// Outcome of torques at the joints in a build for small machines, whose caller has J.
-inline constexpr Outcome kNotRotational{Status::not_compiled, -1};
-
-/// Copies a C array to the core's array.
+/// Copies a C array to the core's array, and back.
 template <class Values>
 Values values(const truepose_real* from) {
   Values result{};
-  std::copy_n(from, result.size(), result.begin());
+  std::memcpy(result.data(), from, sizeof result);
   return result;
 }
-template <class Values>
-void give(const Values& from, truepose_real* to) {
-  std::copy_n(from.begin(), from.size(), to);
-}
-template <std::size_t Rows, std::size_t Columns>
-void give(const std::array<std::array<Real, Columns>, Rows>& from, truepose_real* to) {
-  for (const auto& row : from) to = std::copy(row.begin(), row.end(), to);
-}
+void give(const auto& from, truepose_real* to) { std::memcpy(to, from.data(), sizeof from); }
 
 /// Checks count and columns of a knowledge. @return no_such_part, and the invalid column's number
-inline Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least) {
-  const int all = parameter_count(robot);
-  if (known.count < least || known.count > all) return {Status::no_such_part, -1};
-  for (int k = 0; k < known.count; ++k)
-    if (known.column[k] < 0 || known.column[k] >= all) return {Status::no_such_part, k};
-  return {};
-}
+Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least);
 
 /// The core's view of a knowledge and work space, empty where missing or not `asked`: the check of
 /// its columns takes a third of a plain cycle.
@@ -98,7 +78,7 @@ struct Known {
         CachedGain* kept = nullptr, bool asked = true) {
     if (!asked || known == nullptr || work == nullptr) return;
     sound = columns_exist(robot, *known, 0);
-    knowledge = {known->count, known->column, known->root, values<Extended>(known->sigma)};
+    knowledge = converted<Knowledge>(*known);
     weighing = {&knowledge, work, kept};
   }
   Known(const Known&) = delete;

@@ -17,17 +17,15 @@ std::size_t memory(const Robot& robot, std::int32_t count) {
          static_cast<std::size_t>(online_work(robot, count));
 }
 
-truepose_estimate_result estimated(const Robot& robot, const Knowledge& known,
-                                   const truepose_real* q_e, truepose_real* work,
-                                   truepose_real* x) {
+Estimate estimated(const Robot& robot, const Known& known, const truepose_real* q_e,
+                   truepose_real* work, truepose_real* x) {
+  if (!known.sound) return {known.sound};
+  if (!known.weighing) return {{Status::not_measured, -1}};
   Pose pose = to_pose(robot.mobility, values<Coordinates>(x));
-  const Estimate found = estimate(level_of(robot), robot, known, values<Extended>(q_e), pose, work);
-  truepose_estimate_result result{answer(found.outcome), found.iterations, 0, found.chi2, {}};
-  if (!found) return result;
-  for (int i = 0; i < dof(robot.mobility); ++i)
-    std::copy_n(found.covariance[i].begin(), dof(robot.mobility), result.covariance + i * kMaxDof);
-  give(to_coordinates(robot.mobility, pose), x);
-  return result;
+  const Estimate found =
+      estimate(level_of(robot), robot, known.knowledge, values<Extended>(q_e), pose, work);
+  if (found) give(to_coordinates(robot.mobility, pose), x);
+  return found;
 }
 
 Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real* memory,
@@ -52,7 +50,7 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
 template <class Opaque, class F>
 truepose_outcome taught(Opaque* learner, F&& f) {
   auto* made = Pupil::of(learner);
-  return answer(made != nullptr ? f(made->learner) : Outcome{Status::unfinished, -1});
+  return answer(made != nullptr ? f(made->learner) : kUnfinished);
 }
 }  // namespace
 }  // namespace truepose::c
@@ -62,22 +60,17 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
                                            const truepose_knowledge* known,
                                            const truepose_real* q_e, truepose_real* work,
                                            truepose_real* x) {
-  const truepose_estimate_result none{c::answer({Status::unfinished, -1}), 0, 0, 0, {}};
-  return c::of_robot(model, none, [&](const Robot& robot) {
-    const c::Known weighs(robot, known, work);
-    truepose_estimate_result refused = none;
-    refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : weighs.sound);
-    if (!weighs.sound || !weighs.weighing) return refused;
-    return c::estimated(robot, weighs.knowledge, q_e, work, x);
-  });
+  const Robot* robot = c::robot_of(model);
+  return c::converted<truepose_estimate_result>(
+      robot ? c::estimated(*robot, c::Known(*robot, known, work), q_e, work, x)
+            : Estimate{c::kUnfinished});
 }
 
 size_t truepose_online_calibrator_size(void) { return sizeof(c::Pupil); }
 
 size_t truepose_online_calibrator_memory(const truepose_model* drawn, int32_t count) {
-  return c::of_robot(drawn, std::size_t{0}, [&](const Robot& robot) {
-    return count < 1 ? std::size_t{0} : c::memory(robot, count);
-  });
+  const Robot* robot = c::robot_of(drawn);
+  return robot && count >= 1 ? c::memory(*robot, count) : 0;
 }
 
 truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* learner, size_t size,
@@ -86,9 +79,9 @@ truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* lea
                                                  truepose_real* memory, size_t count) {
   return c::asked(drawn, [&](const Robot& robot) -> Outcome {
     c::Pupil* made = c::Pupil::make(learner, size);
-    if (made == nullptr) return {Status::too_small, -1};
+    if (made == nullptr) return c::kTooSmall;
     made->mark = 0;  // invalid until initialised
-    if (prior->count >= 1 && count < c::memory(robot, prior->count)) return {Status::too_small, -1};
+    if (prior->count >= 1 && count < c::memory(robot, prior->count)) return c::kTooSmall;
     const Outcome outcome = c::begin(robot, *prior, memory, made->learner);
     if (outcome) made->mark = c::Pupil{}.mark;
     return outcome;
@@ -119,7 +112,7 @@ truepose_outcome truepose_online_calibrator_model(const truepose_online_calibrat
                                                   truepose_model* model, size_t size) {
   return c::taught(learner, [&](const OnlineCalibrator& of) -> Outcome {
     c::Model* out = c::Model::make(model, size);
-    if (out == nullptr) return {Status::too_small, -1};
+    if (out == nullptr) return c::kTooSmall;
     out->robot = of.robot;
     return {};
   });
@@ -128,8 +121,7 @@ truepose_outcome truepose_online_calibrator_model(const truepose_online_calibrat
 truepose_outcome truepose_online_calibrator_knowledge(const truepose_online_calibrator* learner,
                                                       truepose_knowledge* known) {
   return c::taught(learner, [&](const OnlineCalibrator& of) -> Outcome {
-    *known = {of.state.count, 0, of.state.column, of.state.root, {}};
-    c::give(of.state.sigma, known->sigma);
+    *known = c::converted<truepose_knowledge>(of.knowledge());
     return {};
   });
 }

@@ -1,8 +1,5 @@
 // The safety shell for C.
-#include <bit>
-
 #include "c/controllers.hpp"
-#include "control/safe_control.hpp"
 #include "control/safety_defaults.hpp"
 
 using namespace truepose;
@@ -14,12 +11,6 @@ struct Shell : InMemory<truepose_safety_shell, Shell, 0x5368656CU> {
   SafetyShell shell;
 };
 
-SafetyLimits limits_of(const truepose_safety_limits& from) {
-  SafetyLimits limits;
-  fields(from, limits, Copy<true>{});
-  return limits;
-}
-
 SafetyCycle cycle_of(const truepose_safety_marks& from) {
   SafetyCycle cycle;
   cycle.counter = {from.counter_given != 0, from.counter};
@@ -29,17 +20,8 @@ SafetyCycle cycle_of(const truepose_safety_marks& from) {
   return cycle;
 }
 
-void report_on(const SafetyShell& shell, truepose_safety_report* report) {
-  *report = truepose_safety_report{};
-  report->state = static_cast<std::int32_t>(shell.machine.state);
-  report->cause = static_cast<std::int32_t>(shell.cause);
-  report->part = shell.part;
-  report->refused = static_cast<std::int32_t>(shell.refused);
-  report->causes = shell.causes;
-  report->brakes = shell.brakes;
-  report->follows = shell.follows;
-  report->path_stop = shell.path_stop;
-  give(shell.torque, report->torque);
+void report_on(const SafetyReport& shell, truepose_safety_report* report) {
+  *report = converted<truepose_safety_report>(shell);
 }
 }  // namespace
 }  // namespace truepose::c
@@ -55,12 +37,12 @@ truepose_outcome truepose_safety_defaults(const truepose_model* model,
                                           const truepose_control_settings* settings,
                                           truepose_safety_limits* limits) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    truepose_control_settings all;
-    const Status status = c::take(*settings, ControlSettings{}, all);
+    ControlSettings all;
+    const Status status = c::take(*settings, all);
     if (status != Status::ok) return {status, -1};
     SafetyLimits derived;
-    const Outcome outcome = default_limits(robot, c::of_c(all), derived);
-    if (outcome) c::describe(derived, *limits);
+    const Outcome outcome = default_limits(robot, all, derived);
+    if (outcome) *limits = c::converted<truepose_safety_limits>(derived);
     return outcome;
   });
 }
@@ -69,9 +51,8 @@ truepose_outcome truepose_stopping_distance(const truepose_model* model,
                                             const truepose_safety_limits* limits, int32_t marked,
                                             truepose_real speed, truepose_real* distance) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    const SafetyLimits core = c::limits_of(*limits);
-    const int n = dof(robot.mobility);
-    Outcome outcome = consistent(core, n, n);
+    const auto core = c::converted<SafetyLimits>(*limits);
+    Outcome outcome = consistent(core, robot.motors, dof(robot.mobility));
     if (outcome && !(speed >= 0 && speed < INFINITY)) outcome = {Status::no_such_value, -1};
     return outcome ? stopping_distance(robot, core, marked != 0, speed, *distance) : outcome;
   });
@@ -81,16 +62,14 @@ truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t
                                             const truepose_model* model,
                                             const truepose_safety_limits* limits) {
   return c::asked(model, [&](const Robot& robot) -> Outcome {
-    truepose_safety_limits all;
-    const Status status = c::take(*limits, SafetyLimits{}, all);
+    SafetyLimits all;
+    const Status status = c::take(*limits, all);
     if (status != Status::ok) return {status, -1};
-    const SafetyLimits core = c::limits_of(all);
-    const int n = dof(robot.mobility);
-    const Outcome outcome = consistent(core, n, n);
+    const Outcome outcome = consistent(all, robot.motors, dof(robot.mobility));
     if (!outcome) return outcome;
     c::Shell* made = c::Shell::make(shell, size);
-    if (made == nullptr) return {Status::too_small, -1};
-    made->limits = core;
+    if (made == nullptr) return c::kTooSmall;
+    made->limits = all;
     return {};
   });
 }
@@ -113,7 +92,7 @@ truepose_outcome truepose_control_safely(
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made->late};
     const Outcome outcome = control_safely(
-        robot, made->settings, safe->limits, std::bit_cast<Setpoint>(*setpoint),
+        robot, made->settings, safe->limits, c::converted<Setpoint>(*setpoint),
         c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
     c::report_on(safe->shell, report);
     return outcome;

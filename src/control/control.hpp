@@ -22,13 +22,15 @@ enum class Gains : int {
 
 /// Constant during a run.
 struct ControlSettings {
+  std::uint32_t size = sizeof(truepose_control_settings);  ///< for the C interface
   Law law = Law::joint;
+  Gains gains = Gains::diagonal;
+  FeedForward feed_forward = FeedForward::full;
   /// Factor on every reading's own σ in laws that weigh. A calibration leaves errors that nearly
   /// cancel in the readings; their optimal weights multiply differences of readings, hence also the
   /// effects of arms and drives on these. Larger σ, smaller multiples.
   int sigma_scale = 1;
-  Gains gains = Gains::diagonal;
-  FeedForward feed_forward = FeedForward::full;
+  int unused = 0;
   Real period = 1e-3;              ///< s
   Real velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
   Real damped_below = 0;           ///< conditioning below which J is damped (0: never)

@@ -13,11 +13,11 @@ namespace truepose {
 /// The reduced dynamics at one pose and velocity.
 struct DynamicModel {
   int n;
-  Square mass;        ///< M, full symmetric
-  Coordinates bias;   ///< c: Coriolis, centrifugal and gravity forces; or M ẍ + c
-  Square k;           ///< K, rows k_i
-  Coordinates rate;   ///< q̇
-  Coordinates slope;  ///< ∂(q as read)/∂(q as the motor turns)
+  Square mass;       ///< M, full symmetric
+  Coordinates bias;  ///< c: Coriolis, centrifugal and gravity forces; or M ẍ + c
+  Square k;          ///< K, rows k_i
+  Coordinates rate;  ///< q̇
+  Joint slope;       ///< ∂(q as read)/∂(q as the motor turns)
 };
 
 /// Ṫ ẋ of a platform on passive axes: how D accelerates and the platform's turn changes at constant

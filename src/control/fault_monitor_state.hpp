@@ -27,16 +27,22 @@ enum class Symptom : int {
 
 /// Constant during a run. Fill it, then call prepare().
 struct FaultMonitorSettings {
-  Real period = 1e-3;           ///< s
-  Real false_alarm = 2.78e-10;  ///< probability per cycle, all tests: one in 1000 h at 1 kHz
+  std::uint32_t size = sizeof(truepose_fault_monitor_settings);  ///< for the C interface
   int refresh = 64;             ///< cycles at most between updates of the geometry's covariance
   int coast = 5;                ///< cycles of extrapolation before a reading has failed
   int decide = 20;              ///< cycles of disagreement before the fault counts as undecided
   int spikes = 3;               ///< so many extrapolated faults, up to 8,
   int within = 1000;            ///< in so many cycles are a failure
+  Real period = 1e-3;           ///< s
+  Real false_alarm = 2.78e-10;  ///< probability per cycle, all tests: one in 1000 h at 1 kHz
   Real replaceable = 3e-3;      ///< largest σ of a motor's virtual reading, rad or m
   /// Travel over which a geometry's error changes by its own size, m or rad.
   Real correlation = 0.1;
+  Real stop = 0.15;  ///< duration of a stop along the path, s
+  /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
+  /// brake stops that motor wherever the path is by then; the error is the others' way left.
+  Real stop_lost = 0.04;
+  Real held = 0.005;   ///< longest time for which the last valid torque is held, s
   Extended fastest{};  ///< largest second derivative of a healthy reading (0: not tested)
   Extended moved{};    ///< model motion beside unchanged counts that is too large (0: not tested)
   Joint kp{}, kd{};    ///< 1/s² and 1/s: loops that drive a motor with a frozen encoder
@@ -47,7 +53,7 @@ struct FaultMonitorSettings {
   Growths growth{};
   Real memory = 600;  ///< s over which growths are averaged: drifts within it are faults
 
-  // From prepare():
+  // Not in truepose_fault_monitor_settings: from prepare().
   Real sigmas = 0;  ///< limit of a normal variable with the same probability
   std::array<Real, kMaxSensors + 1> chi2{};  ///< limits, by degrees of freedom
   TrackerGains own, together;

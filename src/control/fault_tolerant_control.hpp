@@ -43,11 +43,6 @@ struct PathClock {
 /// Constant during a run.
 struct FaultTolerantSettings {
   FaultMonitorSettings monitor;
-  Real stop = 0.15;  ///< duration of a stop along the path, s
-  /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
-  /// brake stops that motor wherever the path is by then; the error is the others' way left.
-  Real stop_lost = 0.04;
-  Real held = 0.005;              ///< longest time for which the last valid torque is held, s
   MomentumSettings momentum;      ///< of the observer of disturbances
   const Robot* finest = nullptr;  ///< model for the fault monitor; nullptr: the law's
 };
@@ -113,7 +108,7 @@ inline Outcome control_fault_tolerant(const Robot& robot, const ControlSettings&
   fault_state.brakes |= monitor.lost;
   // While the fault is undecided, no loop stays closed longer than the stop takes.
   if (monitor.undecided) fault_state.stopping += settings.period;
-  if (fault_state.stopping > fault_settings.stop) fault_state.brakes = all;
+  if (fault_state.stopping > fault_settings.monitor.stop) fault_state.brakes = all;
   state.switched = state.switched || state.braked != fault_state.brakes;
   state.braked = fault_state.brakes;
   Outcome outcome = monitored;
@@ -149,12 +144,13 @@ inline Outcome control_fault_tolerant(const Robot& robot, const ControlSettings&
   if (outcome) fault_state.q_d = state.q_d;
   fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
-  if (fault_state.unanswered > fault_settings.held) {
+  if (fault_state.unanswered > fault_settings.monitor.held) {
     fault_state.stops = true;
     fault_state.brakes = all;
   }
   if (fault_state.stops)
-    fault_state.stop = monitor.lost ? fault_settings.stop_lost : fault_settings.stop;
+    fault_state.stop =
+        monitor.lost ? fault_settings.monitor.stop_lost : fault_settings.monitor.stop;
   if (fault_state.brakes == all) {
     if (!held &&
         (!state.started || !inverse_dynamics(robot, to_pose(robot.mobility, fault_state.at), {}, {},

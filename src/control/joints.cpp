@@ -1,8 +1,17 @@
 #include "control/joints.hpp"
 
 namespace truepose {
+namespace {
+/// The joints' values as coordinates.
+Coordinates free(const Joint& of) {
+  Coordinates values;
+  std::copy_n(of.begin(), kMaxDof, values.begin());
+  return values;
+}
+}  // namespace
+
 Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisState& joints) {
-  Coordinates x = joints.position;
+  Coordinates x = free(joints.position);
   const Outcome found = fkm(robot, motors.position, x, cap);
   if (!found) return found;
   const int n = dof(robot.mobility);
@@ -13,7 +22,8 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
   if (outcome) outcome = jacobian(closure, at);
   if (!outcome) return outcome;
-  joints = {x, {}, {}};
+  joints = {};
+  std::copy_n(x.begin(), n, joints.position.begin());
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) {
       joints.velocity[i] += at.J[i][j] * motors.velocity[j];
@@ -25,19 +35,19 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
 Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,
                       const AxisCommand& wanted, AxisCommand& given) {
   const int n = dof(robot.mobility);
-  for (const Coordinates* values :
+  for (const Joint* values :
        {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
         &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
     if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
-  const Pose desired = to_pose(robot.mobility, wanted.state.position),
-             now = to_pose(robot.mobility, joints.position);
+  const Pose desired = to_pose(robot.mobility, free(wanted.state.position)),
+             now = to_pose(robot.mobility, free(joints.position));
   Closure closure;
   Jacobians at;
   AxisCommand result;
   Outcome outcome = command(robot, desired, result.state.position);
   if (outcome) outcome = ikm(robot, desired, closure, false);
   if (outcome) outcome = jacobian(closure, at);
-  if (outcome) result.state.velocity = at.joint_rate(wanted.state.velocity);
+  if (outcome) result.state.velocity = at.joint_rate(free(wanted.state.velocity));
   if (outcome) outcome = ikm(robot, now, closure, false);
   if (outcome) outcome = jacobian(closure, at);
   if (!outcome) return outcome;

@@ -8,14 +8,14 @@
 #include "mechanism/fkm.hpp"
 
 namespace truepose {
-/// State of motors or joints: rad or m, per s, N·m or N.
+/// State of motors, or of joints in the first n: rad or m, per s, N·m or N.
 struct AxisState {
-  Coordinates position{}, velocity{}, torque{};
+  Joint position{}, velocity{}, torque{};
 };
 /// Command to a drive: torque + kp (position - measured) + kd (velocity - measured).
 struct AxisCommand {
   AxisState state;
-  Coordinates kp{}, kd{};
+  Joint kp{}, kd{};
 };
 
 /// Joint state from motor state. @param joints  in: position guess; out

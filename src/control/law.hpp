@@ -185,9 +185,10 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference& referen
   return {};
 }
 
-/// Outputs of a servo cycle besides ê_q.
+/// Outputs of a servo cycle.
 struct ServoCycle {
-  Joint q_d{};  ///< desired motor readings, at the robot's level
+  Joint q_d{};    ///< desired motor readings, at the robot's level
+  Joint error{};  ///< ê_q
   JointMatrix J{};
   ExtendedRows tej{};  ///< laws of all readings only
   Coordinates x{};     ///< laws of the pose: the estimated one; else the desired one
@@ -220,6 +221,7 @@ inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, 
   const Corrects corrects = properties(law).corrects;
   *cycle = {};
   cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
+  cycle->error = e;
   for (int i = 0; i < n; ++i) {
     cycle->q_d[i] = reference.q_e[i];
     std::copy_n(reference.jacobians.J[i].begin(), n, cycle->J[i].begin());

@@ -40,6 +40,8 @@ enum class Disturbance : int {
 
 /// Constant during a run. The defaults are assumed; a healthy robot stays below `alarm`.
 struct MomentumSettings {
+  std::uint32_t size = sizeof(truepose_momentum_settings);  ///< for the C interface
+  int carry = false;    ///< 1: feeds an identified payload forward
   Real period = 1e-3;   ///< s, of one or several control periods; 0: no observer
   Real bandwidth = 60;  ///< L, rad/s
   Real alarm = 25;      ///< χ² of the residual above which there is a disturbance
@@ -50,7 +52,6 @@ struct MomentumSettings {
   Real over = 0.1;      ///< time below a quarter of `alarm` after which a disturbance is over, s
   Joint sigma{};        ///< σ of unknown friction and counts, N·m or N; 0: no observer
   Joint give{};         ///< error at which a motor's loop balances 1 N·m (N), rad or m
-  bool carry = false;   ///< feeds an identified payload forward
 };
 
 /// Sums of the residual's regression on one unknown cause.
@@ -67,16 +68,19 @@ struct Cause {
 inline constexpr Real kRests = 0.5, kSticks = 1.5;
 inline constexpr int kMomentumSteps = 4;  ///< in which the work on a sample is done
 
-/// State and report. Plain data, the caller's; a new one starts afresh.
-struct MomentumObserver {
+/// Report on external forces.
+struct DisturbanceReport {
   Disturbance disturbance = Disturbance::none;
-  int motor = -1;        ///< of friction, from 0; -1: of all motors
-  Real size = 0;         ///< kg, N·m (N) of friction, or the norm of the contact's force
-  Real sigma = 0;        ///< of a payload or friction
-  Coordinates force{};   ///< f, external force of the platform's coordinates, N and N·m
-  Real chi2 = 0;         ///< of the residual
-  bool refused = false;  ///< payload too heavy for the motors: it is not fed forward
+  int motor = -1;       ///< of friction, from 0; -1: of all motors
+  int refused = false;  ///< 1: payload too heavy for the motors: it is not fed forward
+  Real size = 0;        ///< kg, N·m (N) of friction, or the norm of the contact's force
+  Real sigma = 0;       ///< of a payload or friction
+  Real chi2 = 0;        ///< of the residual
+  Coordinates force{};  ///< f, external force of the platform's coordinates, N and N·m
+};
 
+/// State and report. Plain data, the caller's; a new one starts afresh.
+struct MomentumObserver : DisturbanceReport {
   int cycles = 0;        ///< sampled, saturated
   Joint sum{};           ///< torques of the period so far,
   int waited = 0;        ///< and its control cycles

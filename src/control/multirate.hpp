@@ -27,10 +27,11 @@ inline constexpr int kDropped = 5;     ///< sample periods without a sample: the
 
 /// Slow and delayed sensors. Constant during a run: fill it, then call start().
 struct MultirateSettings {
+  std::uint32_t size = sizeof(truepose_multirate_settings);  ///< for the C interface
+  std::uint32_t stamped = 0;  ///< sensors whose samples have timestamps, as bits: see stamp()
   std::array<int, kMaxSensors> every{};  ///< sample period, control periods; 0 as 1
   std::array<int, kMaxSensors> age{};    ///< latency of a sample on arrival, control periods
-  std::uint32_t stamped = 0;  ///< sensors whose samples have timestamps, as bits: see stamp();
-  Real period = 1e-3;         ///< of control, s, for these
+  Real period = 1e-3;                    ///< of control, s, for timestamps
   /// Change of p along each freedom of the platform, σ: rad or m, per m or rad.
   Matrix<kMaxSensors, kMaxDof> sensitivity{};
 

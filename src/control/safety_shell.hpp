@@ -69,18 +69,23 @@ struct DrivenWays {
   }
 };
 
-/// State and report, the caller's; a new one is switched on: stopped, with closed brakes.
-struct SafetyShell {
-  SafetyMachine machine;
+/// Report of a shell.
+struct SafetyReport {
+  SafetyState state = SafetyState::stopped;    ///< of the machine
   StopCause cause = StopCause::none;           ///< the first since the acknowledgement,
-  int part = -1;                               ///< its motor or -1,
-  std::uint32_t causes = 0;                    ///< and all, as bits
+  int part = -1;                               ///< and its motor or -1
   StopCause refused = StopCause::none;         ///< why a request of this cycle has no effect
-  Joint torque{};                              ///< to the motors
-  std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< that must hold, as bits
-  Real path_stop = 0;    ///< duration of the stop along the path, s, for PathClock; 0: continue
-  bool follows = false;  ///< the law acts; else it starts anew in each cycle, and no path moves
+  std::uint32_t causes = 0;                    ///< all since the acknowledgement, as bits
+  std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< motors whose brakes must hold, as bits
+  int follows = false;  ///< 1: the law acts; else it starts anew in each cycle, and no path moves
+  int unused = 0;
+  Real path_stop = 0;  ///< duration of the stop along the path, s, for PathClock; 0: continue
+  Joint torque{};      ///< to the motors
+};
 
+/// State and report, the caller's; a new one is switched on: stopped, with closed brakes.
+struct SafetyShell : SafetyReport {
+  SafetyMachine machine;
   bool started = false, acknowledged = false;  ///< requests of the last cycle
   Real since = 0;                              ///< time in this state, s
   Real opening = 0;                            ///< time since the brakes were released, s
@@ -357,7 +362,7 @@ struct Step {
       now.healthy = found.causes == 0 && fresh;
     }
     shell.machine = next(before, now);
-    const SafetyState state = shell.machine.state;
+    const SafetyState state = shell.state = shell.machine.state;
     const bool ready = state == SafetyState::ready, runs = state == SafetyState::running;
     if ((now.acknowledge && !ready && !runs) || (now.start && !runs))
       shell.refused = found.causes   ? found.first()

@@ -51,17 +51,18 @@ inline constexpr std::array kStartFindings{"none",         "contradictory limits
 /// Constant during a test; the defaults are assumed. Torque limit and slew, period, brake times,
 /// counts and ranges are those of SafetyLimits.
 struct StartSettings {
+  std::uint32_t size = sizeof(truepose_start_settings);  ///< for the C interface
+  int pairs = 4;          ///< of opposite pulses of each motor, beyond those that find its amount;
+                          ///< 0: the test ends at rest
   Real motion = 0.5e-3;   ///< of the platform by two opposite pulses, m; at most twice that in all
   Real radius = 0.05;     ///< at which the platform's turns count as motion, m
   Real pulse = 0.006;     ///< wanted time for which a brake is open, s
-  int pairs = 4;          ///< of opposite pulses of each motor, beyond those that find its amount;
-                          ///< 0: the test ends at rest
   Real settle = 0.03;     ///< s, from a closed brake to rest
   Real brake_opens = -1;  ///< s; below 0: as it closes (SafetyLimits::brake)
   Real inertia = 2;       ///< factor by which a motor's may be smaller than the model's
   Real weight = 0.3;      ///< relative error of the weight that a motor holds
-  Joint friction{};       ///< N·m or N (0: the robot's, or 0.5 % of the torque limit)
   Real false_alarm = 1e-6;  ///< of the readings' consistency at rest
+  Joint friction{};         ///< N·m or N (0: the robot's, or 0.5 % of the torque limit)
 };
 
 /// Motions of the readings by pulses, and what the model expects.
@@ -91,9 +92,9 @@ struct StartHypothesis {
 
 inline constexpr int kStartHypotheses = 1 + kMaxReadings * (kMaxReadings + 1) / 2 + 2 * kMaxMotors;
 
-/// State and report, the caller's; a new one starts with closed brakes.
-struct StartTest {
-  StartTest() {
+/// Report of a test.
+struct StartReport {
+  StartReport() {
     scale.fill(1);
     sigma.fill(INFINITY);
   }
@@ -103,12 +104,15 @@ struct StartTest {
   int part = -1, other = -1;       ///< its reading (of the extended positions) or motor, from 0
   std::uint32_t candidates = 0;    ///< inconsistent: readings that may be miswired, as bits
   std::uint32_t exchangeable = 0;  ///< passed: readings whose exchange would not have been seen
-  Extended scale{}, sigma{};       ///< of every reading, 1: as the others show, and its σ;
-                                   ///< infinite where nothing has shown it
-  Joint torque{};                  ///< to the motors
   std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< that must hold, as bits
+  int motor = 0;                               ///< that is tested
+  Joint torque{};                              ///< to the motors
+  Extended scale{}, sigma{};  ///< of every reading, 1: as the others show, and its σ; infinite
+                              ///< where nothing has shown it
+};
 
-  int motor = 0;
+/// State and report, the caller's; a new one starts with closed brakes.
+struct StartTest : StartReport {
   Real since = 0;                         ///< time in this state, s
   int index = 0;                          ///< hypothesis of this cycle
   Joint weight{}, push{}, response{};     ///< torques; acceleration of a reading per torque

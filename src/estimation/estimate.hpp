@@ -120,8 +120,8 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
 struct Estimate {
   Outcome outcome;
   int iterations = 0;
-  PoseMatrix covariance{};  ///< of the free twist at the pose
   Real chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
+  PoseMatrix covariance{};  ///< of the free twist at the pose
   explicit operator bool() const { return bool(outcome); }
 };
 
@@ -199,7 +199,7 @@ struct Search {
     Coordinates whole = step;
     for (Real& entry : whole) entry *= part;
     pose = moved(robot.mobility, base, whole);
-    return {{}, iterations, fusion.covariance, cost};
+    return {{}, iterations, cost, fusion.covariance};
   }
 };
 }  // namespace estimate_detail

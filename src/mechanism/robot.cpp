@@ -37,8 +37,6 @@ void note_encoders(Robot& robot) {
     robot.chain[i].encoder_errs = robot.chain[i].encoder_gain != 1 ||
                                   robot.chain[i].encoder_buildup != 0 ||
                                   robot.chain[i].eccentricity.any();
-  for (int k = 0; k < robot.r; ++k)
-    robot.sensor[k].encoder_errs = robot.sensor[k].eccentricity.any();
 }
 
 void note_vertical(Robot& robot) {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <type_traits>
 
@@ -47,23 +48,31 @@ enum class Actuator : int {
   telescopic = 2,  ///< B = P, L = q
 };
 
-/// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
+/// One chain: motor, arm, rod (a spatial parallelogram counts as one rod). Laid out, like all parts
+/// of a robot and all settings of the control path, as the struct of truepose.h (c/fields.hpp).
 struct Chain {
   Actuator actuator = Actuator::revolute;
   int working_mode = -1;       ///< sign of the chain's entry of J_q: selects the IKM's root
+  int bar = -1;                ///< bar that carries A (0-based; -1: the platform itself)
+  int encoder_errs = false;    ///< its encoder needs more than an offset; set by finish
   Vec3 base = Vec3::Zero();    ///< P, on the motor's axis
   Vec3 axis = Vec3::UnitY();   ///< u, unit
   Vec3 zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
-  Real arm = 0;                ///< l = |PB|
-  Real rod = 0;                ///< L = |AB|
-  Real encoder_offset = 0;     ///< reading = gain q - offset, q the angle or slide on the
-  Real encoder_gain = 1;       ///< encoder's disc or scale, which has eccentricity and pitch
-  Real encoder_buildup = 0;    ///< β: a slide is v + β v², v from gain and offset (1/m)
-  bool encoder_errs = false;   ///< any of these is not ideal; set by finish, set_parameters
   Vec3 pivot = Vec3::Zero();   ///< c, platform point that turns with the platform
   Vec3 anchor = Vec3::Zero();  ///< a, offset that keeps its orientation
-  Real encoder_step = 0;       ///< one count, rad or m (0: unquantized)
-  Real encoder_noise = 0;      ///< σ of the reading, rad or m
+  Vec3 pair_axis =
+      Vec3::UnitY();  ///< full, prismatic: from rod - to rod + on the carriage (else: u)
+  Vec3 pair_drawn = Vec3::UnitY();  ///< full: from rod - to rod + on the bar, without yaw and tilt
+  Real arm = 0;                     ///< l = |PB|
+  Real rod = 0;                     ///< L = |AB|
+  Real rod_spacing = 0;             ///< full: s, between the rods of a parallelogram (0: one rod)
+  Real rod_difference = 0;    ///< δ: the rod on the +u side has length L + δ/2, the other L - δ/2
+  Real encoder_offset = 0;    ///< reading = gain q - offset, q the angle or slide on the
+  Real encoder_gain = 1;      ///< encoder's disc or scale, which has eccentricity and pitch
+  Real encoder_buildup = 0;   ///< β: a slide is v + β v², v from gain and offset (1/m)
+  Eccentricity eccentricity;  ///< of a revolute motor's encoder
+  Real encoder_step = 0;      ///< one count, rad or m (0: unquantized)
+  Real encoder_noise = 0;     ///< σ of the reading, rad or m
   Real low = -std::numeric_limits<Real>::infinity();  ///< the motor's stops, rad or m,
   Real high = std::numeric_limits<Real>::infinity();  ///< without the encoder's offset
   Real torque_limit = 0;                              ///< N·m or N (0: none)
@@ -72,16 +81,6 @@ struct Chain {
   Real rod_mass = 0;       ///< all rods of the chain, slender (kg)
   Real viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
   Real coulomb = 0;        ///< N·m or N at the motor
-
-  Eccentricity eccentricity;  ///< of a revolute motor's encoder
-
-  int bar = -1;  ///< bar that carries A (0-based; -1: the platform itself)
-
-  // For the full level only (full.hpp): the two rods of a spatial parallelogram, + and -.
-  Real rod_spacing = 0;     ///< s, between the two rods (0: there is one rod)
-  Real rod_difference = 0;  ///< δ: the rod on the +u side has length L + δ/2, the other L - δ/2
-  Vec3 pair_axis = Vec3::UnitY();   ///< prismatic: from rod - to rod + on the carriage (else: u)
-  Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar, without yaw and tilt
 };
 
 /// A redundant sensor: reading = gain s(x, q) - offset. Vectors by kind:
@@ -95,23 +94,21 @@ struct Chain {
 /// - rod_* at the platform: u is direction, e is normal (in the body that carries A)
 struct Sensor {
   SensorKind kind = SensorKind::platform_angle;
-  int chain = -1;           ///< chain of its rod or motor (0-based)
-  bool at_nacelle = false;  ///< rod_*: at the joint on the platform's side
-  int rod = 1;              ///< rod_* at the full level: rod of the pair, +1 or -1
+  int chain = -1;      ///< chain of its rod or motor (0-based)
+  int at_nacelle = 0;  ///< rod_*: 1 at the joint on the platform's side
+  int rod = 1;         ///< rod_* at the full level: rod of the pair, +1 or -1
+  int bar = -1;  ///< platform_angle at the full level: hinge of this bar (0-based; -1: absolute θ)
+  int axis = 0;  ///< axis_angle: index of the passive axis (0-based)
   Real gain = 1;
   Real offset = 0;
+  Eccentricity eccentricity;  ///< of an encoder: platform_angle, rod_in_plane, rod_lateral, motor
   Real step = 0;              ///< one count of the reading (0: unquantized)
   Real noise = 0;             ///< σ of the reading
-  Eccentricity eccentricity;  ///< of an encoder: platform_angle, rod_in_plane, rod_lateral, motor
-  bool encoder_errs = false;  ///< has eccentricity; set by finish, set_parameters
   Real weight = 1;            ///< of its row in the TEJ; 1 in the paper
   Vec3 origin = Vec3::Zero();
   Vec3 direction = Vec3::UnitZ();  ///< unit
   Vec3 target = Vec3::Zero();
   Vec3 normal = Vec3::UnitZ();  ///< unit
-  int bar =
-      -1;  ///< platform_angle at the full level: hinge of this bar (0-based; -1: the absolute θ)
-  int axis = 0;  ///< axis_angle: index of the passive axis (0-based)
 };
 
 /// A passive axis; the next one, or the platform, turns about it. At x = 0 all frames are parallel.
@@ -124,8 +121,9 @@ struct PassiveAxis {
 
 /// A rigid body of the platform, its centre of mass at D + R pivot + anchor.
 struct Body {
-  Real mass = 0;
   int bar = -1;  ///< the bar it belongs to (0-based; -1: the platform itself)
+  int unused = 0;
+  Real mass = 0;
   Vec3 pivot = Vec3::Zero();
   Vec3 anchor = Vec3::Zero();
   Mat3 inertia =
@@ -167,23 +165,27 @@ struct FullLevel {
 /// it, then call finish (jacobian.hpp), also after every change; until then all functions return
 /// `unfinished`. Only set_parameters may change a finished robot.
 struct Robot {
+  std::uint32_t abi = TRUEPOSE_ABI, size = sizeof(truepose_description);  ///< of the C interface
   Mobility mobility = Mobility::schoenflies;
   int chains = 0;  ///< at present as many as the mobility has freedoms
   int motors = 0;  ///< they drive the first chains; at present all
   int r = 0;       ///< redundant sensors in use
   int bodies = 0;
+  BarJoint bar_joint = BarJoint::pivots;
+  Level level = Level::ideal;  ///< level of the laws and calibrators
+  int unused = 0;
+  Vec3 gravity = Vec3(0, 0, -9.81);
+  Coordinates home{};  ///< a pose well inside the workspace; default guess of the FKM
   std::array<Chain, kMaxChains> chain;
   std::array<Sensor, kMaxSensors> sensor;
   std::array<Body, kMaxBodies> body;
-  Vec3 gravity = Vec3(0, 0, -9.81);
-  Coordinates home{};     ///< a pose well inside the workspace; default guess of the FKM
-  int assembly_sign = 0;  ///< sign of det J_x at home (0: not checked)
-  BarJoint bar_joint = BarJoint::pivots;
-  bool finished = false;       ///< set by finish once all counts, indices and enums are valid
-  bool limited = true;         ///< whether any motor or passive axis has limits; set by finish
-  FullLevel full;              ///< set by finish_full
-  Level level = Level::ideal;  ///< level of the laws and calibrators
   std::array<PassiveAxis, kMaxAxes> axis;  ///< the first passive_axes(mobility)
+
+  // Not in truepose_description: derived by finish.
+  int assembly_sign = 0;  ///< sign of det J_x at home (0: not checked)
+  bool finished = false;  ///< all counts, indices and enums are valid
+  bool limited = true;    ///< whether any motor or passive axis has limits
+  FullLevel full;         ///< set by finish_full
 
   /// Whether they model every rod individually.
   constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }

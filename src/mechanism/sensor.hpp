@@ -11,7 +11,7 @@ namespace truepose {
 inline bool rotary(const Sensor& sensor) { return properties(sensor.kind).shaft; }
 
 /// Whether its encoder has an eccentricity error.
-inline bool eccentric(const Sensor& sensor) { return sensor.encoder_errs; }
+inline bool eccentric(const Sensor& sensor) { return sensor.eccentricity.any(); }
 
 /// Applies an encoder's eccentricity to its value and gradients.
 void read_off_centre(const Sensor& sensor, Sensed& s);

@@ -3,7 +3,10 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <array>
 #include <cstring>
 #include <functional>
 #include <numeric>
@@ -13,6 +16,34 @@
 
 #include "mechanism/robot.hpp"
 #include "truepose/status.hpp"
+
+namespace truepose::python {
+/// Copies an array's numbers, in the order of its rows; the rest of the capacity is 0.
+/// @return false: no numbers, or more than `capacity`
+bool take_numbers(nanobind::handle from, double* to, std::size_t capacity) noexcept;
+}  // namespace truepose::python
+
+namespace nanobind::detail {
+/// An array of fixed capacity from anything that numpy takes for one, and as a numpy array.
+template <class T, std::size_t N>
+struct type_caster<std::array<T, N>> {
+  using Array = std::array<T, N>;
+  NB_TYPE_CASTER(Array, const_name("numpy.typing.NDArray"))
+
+  bool from_python(handle from, std::uint8_t, cleanup_list*) noexcept {
+    double numbers[N];
+    const bool all = truepose::python::take_numbers(from, numbers, N);
+    std::copy_n(numbers, all ? N : 0, value.begin());
+    return all;
+  }
+  static handle from_cpp(const Array& array, rv_policy, cleanup_list*) noexcept {
+    constexpr const char* dtype = std::is_integral_v<T> ? "intc" : "double";
+    return module_::import_("numpy")
+        .attr("array")(cast(std::vector<T>(array.begin(), array.end())), dtype)
+        .release();
+  }
+};
+}  // namespace nanobind::detail
 
 namespace truepose::python {
 namespace nb = nanobind;
@@ -89,17 +120,15 @@ nb::tuple answered(Outcome outcome, const T&... values) {
 template <class Vector>
 inline Vector row(const Rows& rows, std::size_t i) {
   Vector result{};
-  std::memcpy(result.data(), rows.data() + i * rows.shape(1), rows.shape(1) * sizeof(double));
+  const std::size_t width = rows.shape(1) * sizeof(double);
+  std::memcpy(result.data(), rows.data() + i * rows.shape(1), std::min(width, sizeof result));
   return result;
 }
 
+void bind_structs(nb::module_& module);
+void bind_rows(nb::module_& module);
 void bind_control(nb::module_& module);
 void bind_simulation(nb::module_& module);
-void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
-void bind_plant(nb::module_& module);
-void bind_fault_monitor(nb::module_& module);
 void bind_safety(nb::module_& module);
-void bind_start_test(nb::module_& module);
-void bind_c(nb::module_& module);
 }  // namespace truepose::python

@@ -1,79 +1,22 @@
 // Estimates, calibrations and bounds for Python: arrays in, arrays out. No mathematics.
 #include <nanobind/eigen/dense.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
 #include "calibration/bound.hpp"
 #include "calibration/calibrate.hpp"
 #include "python/arrays.hpp"
-#include "python/fields.hpp"
 #include "python/for_rows.hpp"
 #include "python/known.hpp"
 #include "python/online_calibration.hpp"
 
 namespace truepose::python {
 namespace {
-auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, const Rows& guess,
-                    bool full) {
-  const std::size_t n = dof(robot.mobility);
-  const Kernels model = kernels(robot.mobility, full);
-  const Knowledge knowledge = known.view();
-  return batch(
-      q_e.shape(0), {{n}, {n, n}, {}},
-      [&](std::size_t i, auto& out) {
-        std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
-        Pose pose = to_pose(robot.mobility, row<Coordinates>(guess, i));
-        const Estimate found =
-            model.estimate(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
-        std::copy_n(to_coordinates(robot.mobility, pose).begin(), n, out[0]);
-        write(found.covariance, n, n, out[1]);
-        *out[2] = found.chi2;
-        return found.outcome;
-      },
-      kFewRowsPerThread);
-}
-
 /// Influences at pose i: none, or a row of (N, (n + r) × count).
 Influences influences_at(const Robot& robot, const std::optional<Rows>& influence, std::size_t i) {
   if (!influence) return {};
   const std::size_t width = influence->shape(1);
   return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
-}
-
-/// Gain of the fused readings at poses, (N, n, n + r): sensitivity of x to each reading's error.
-/// @param influence  its amounts are the last entries of the knowledge
-auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full,
-                const std::optional<Rows>& influence) {
-  const std::size_t n = x.shape(1), e = n + robot.r;
-  const Kernels model = kernels(robot.mobility, full);
-  const Knowledge knowledge = known.view();
-  return batch(
-      x.shape(0), {{n, e}, {n, e}},
-      [&](std::size_t i, auto& out) {
-        std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
-        Fused fusion;
-        const Outcome outcome =
-            fused(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(x, i)),
-                  influences_at(robot, influence, i), work.data(),
-                  work.data() + e * parameter_count(robot), fusion);
-        write(fusion.gain, n, e, out[0]);
-        write(fusion.tej, n, e, out[1]);
-        return outcome;
-      },
-      kFewRowsPerThread);
-}
-
-/// Measured minus expected readings, (N, n + r), without whole turns of a joint.
-auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected) {
-  const std::size_t count = q_e.shape(0), width = q_e.shape(1);
-  Owned<double> residual({count, width});
-  for_rows(count, [&](std::size_t i) {
-    Extended difference{};
-    innovation(robot, row<Extended>(q_e, i), row<Extended>(expected, i), difference);
-    std::copy_n(difference.begin(), width, residual[i]);
-  });
-  return residual.release();
 }
 
 RowMatrix homogeneous(const Frame& frame) {
@@ -89,29 +32,6 @@ Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
   return {frame(base), frame(marker)};
 }
 
-/// Expected tracker coordinates at poses, (N, n); their derivatives by twist and registration,
-/// (N, n, n) and (N, n, kRegistration); measured minus expected; the factor on σ of θ, (N,).
-auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& marker, const Rows& x,
-                const Rows& measured) {
-  const std::size_t count = x.shape(0), n = x.shape(1);
-  Owned<double> apart({count, n}), H_x({count, n, n}), H({count, n, std::size_t{kRegistration}}),
-      coordinates({count, n}), blunt({count});
-  const Registration by = registration_from(base, marker);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Seen at = seen(robot.mobility, by, to_pose(robot.mobility, row<Coordinates>(x, i)));
-    const Coordinates residual =
-        innovation(robot.mobility, at, row<Coordinates>(measured, i).data());
-    std::copy_n(residual.begin(), n, apart[i]);
-    *blunt[i] = at.blunt;
-    const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
-    const Coordinates there = to_coordinates(robot.mobility, {at.p, at.Q, theta});
-    std::copy_n(there.begin(), n, coordinates[i]);
-    write(at.H_x, n, n, H_x[i]);
-    write(at.H, n, kRegistration, H[i]);
-  }
-  return together(coordinates, apart, H_x, H, blunt);
-}
-
 /// @param nuisances  number of the prior's last parameters that are the ideal level's model error
 /// @param registration  first of its unknowns in the prior, or -1
 /// @param links  differences measured between rows
@@ -121,7 +41,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
                      int registration, const Links& links, int influences, const Rows& influence,
-                     Loss loss, double tuning, int iterations, bool full, int referenced) {
+                     int loss, double tuning, int iterations, bool full, int referenced) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
@@ -140,7 +60,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     CalibrationSettings settings;
     settings.influences = influences, settings.nuisances = nuisances,
     settings.registration = registration;
-    settings.loss = loss, settings.tuning = tuning, settings.iterations = iterations;
+    settings.loss = Loss{loss}, settings.tuning = tuning, settings.iterations = iterations;
     settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
   }
@@ -284,8 +204,6 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
 
 void bind_calibration(nb::module_& m) {
   using namespace nb::literals;
-  enumeration<Loss>(m, "Loss", {"squares", "huber", "student"});
-  enumeration<LinkKind>(m, "LinkKind", {"plane", "distance", "point"});
   nb::class_<Links>(m, "Links")
       .def(
           "__init__",
@@ -295,13 +213,16 @@ void bind_calibration(nb::module_& m) {
           "mean"_a, "first"_a)
       .def(
           "add",
-          [](Links& links, LinkKind kind, std::array<int, 2> line, int tool, int shape, int axis,
+          [](Links& links, int kind, const std::array<int, 2>& line, int tool, int shape, int axis,
              double times, double measured, double sigma) {
-            links.link.push_back({kind, line, tool, shape, axis, times, measured, sigma});
+            links.link.push_back({LinkKind{kind}, line, tool, shape, axis, times, measured, sigma});
           },
           "kind"_a, "line"_a, "tool"_a, "shape"_a, "axis"_a, "times"_a, "measured"_a, "sigma"_a);
   nb::class_<Known>(m, "Knowledge")
-      .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>());
+      .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>())
+      .def_ro("column", &Known::column)
+      .def_ro("root", &Known::root)
+      .def_ro("sigma", &Known::sigma);
   nb::class_<Online>(m, "Online")
       .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
       .def("observe", &batch_observe)
@@ -314,12 +235,8 @@ void bind_calibration(nb::module_& m) {
       .def_prop_ro("suspect", [](const Online& online) { return online.doubt().suspect; })
       .def_prop_ro("xi", &Online::xi)
       .def_prop_ro("root", &Online::root);
-  m.def("estimate", &batch_estimate);
-  m.def("gain", &batch_gain, "robot"_a, "known"_a, "x"_a, "full"_a, "influence"_a = nb::none());
-  m.def("innovation", &batch_innovation);
   m.attr("ITERATIONS") = CalibrationSettings{}.iterations;
   m.def("calibrate", &run_calibration);
-  m.def("seen", &batch_seen);
   m.def("rows_of_visits", &run_rows_of_visits, "robot"_a, "prior"_a, "x"_a, "outside"_a, "sigma"_a,
         "base"_a, "marker"_a, "first"_a, "links"_a, "full"_a, "nuisances"_a,
         "influence"_a = nb::none());

@@ -1,6 +1,5 @@
 // Simulations for Python: runs or visits of poses, with effects, faults, multirate sensors.
 #include <nanobind/eigen/dense.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
@@ -10,11 +9,12 @@
 
 #include "python/arrays.hpp"
 #include "python/fault_tolerant_setup.hpp"
-#include "python/fields.hpp"
 #include "python/for_rows.hpp"
 #include "python/known.hpp"
 #include "python/multirate.hpp"
 #include "python/online_calibration.hpp"
+#include "python/structs.hpp"
+#include "simulation/assembly.hpp"
 #include "simulation/simulate.hpp"
 
 namespace truepose::python {
@@ -98,16 +98,31 @@ OwnLaw own_law(const OwnError& error_of) {
   };
 }
 
-/// A field of every sample, (N,), or the first `width` entries of one that is an array, (N, width).
-template <class T, class Field>
-nb::object column(const std::vector<Sample>& log, Field Sample::* field, std::size_t width = 0) {
-  Owned<T> values(width > 0 ? Shape{log.size(), width} : Shape{log.size()});
+/// A member of every sample, (N,), or the used entries of an array, (N, width).
+template <class T>
+nb::object column(const std::vector<Sample>& log, const c::Field& member, std::size_t width) {
+  Owned<T> values(member.rows > 0 ? Shape{log.size(), width} : Shape{log.size()});
   for (std::size_t i = 0; i < log.size(); ++i)
-    if constexpr (requires(Field many) { many[0]; })
-      for (std::size_t k = 0; k < width; ++k) values[i][k] = static_cast<T>((log[i].*field)[k]);
-    else
-      *values[i] = static_cast<T>(log[i].*field);
+    std::memcpy(values[i], reinterpret_cast<const char*>(&log[i]) + member.offset,
+                values.width * sizeof(T));
   return values.release();
+}
+
+/// A run's outcome, and all members of every sample.
+nb::tuple columns(Outcome outcome, const std::vector<Sample>& log, std::size_t n, std::size_t e) {
+  nb::list all;
+  all.append(static_cast<int>(outcome.status));
+  all.append(outcome.chain);
+  const c::Table table = TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up,
+                                          health, symptom, stops, brakes, disturbance, disturbed,
+                                          size, force, refused, warm, safety, cause, part);
+  for (const c::Field& member : table.fields) {
+    const auto column_of = member.numbers == c::Numbers::real    ? &column<double>
+                           : member.numbers == c::Numbers::whole ? &column<int>
+                                                                 : &column<bool>;
+    all.append(column_of(log, member, member.rows == kMaxReadings ? e : n));
+  }
+  return nb::tuple(all);
 }
 
 /// A setpoint between two of a path that is followed more slowly, by quintic Hermite polynomials.
@@ -160,18 +175,7 @@ auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acce
     });
   }
   const std::size_t n = dof(of.nominal.mobility), e = n + of.nominal.r;
-  return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain,
-                        column<double>(log, &Sample::time), column<double>(log, &Sample::x_d, n),
-                        column<double>(log, &Sample::x, n), column<double>(log, &Sample::q_e, e),
-                        column<double>(log, &Sample::error, n),
-                        column<double>(log, &Sample::torque, n), column<int>(log, &Sample::status),
-                        column<bool>(log, &Sample::gave_up), column<int>(log, &Sample::health, e),
-                        column<int>(log, &Sample::symptom, e), column<bool>(log, &Sample::stops),
-                        column<int>(log, &Sample::brakes), column<int>(log, &Sample::disturbance),
-                        column<int>(log, &Sample::disturbed), column<double>(log, &Sample::size),
-                        column<double>(log, &Sample::force, n), column<bool>(log, &Sample::refused),
-                        column<bool>(log, &Sample::warm), column<int>(log, &Sample::safety),
-                        column<int>(log, &Sample::cause), column<int>(log, &Sample::part));
+  return columns(outcome, log, n, e);
 }
 
 /// Summary of a visit to one pose.
@@ -259,55 +263,62 @@ auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows&
   return read.release();
 }
 
-void bind_late(nb::module_& m) {
-  using namespace nb::literals;
-  nb::class_<MultirateSettings> settings(m, "MultirateSettings");
-  settings.def(nb::init<>());
-  TRUEPOSE_FIELDS(settings, def_rw, every, age, sensitivity);
-  nb::class_<Slow>(m, "Slow")
-      .def(nb::init<const Lateness&>())
-      .def("deliver", &Slow::deliver, "motors"_a, "q_e"_a);
-  m.attr("oldest") = kOldest;
-  m.attr("slowest") = kSlowest;
+/// Poses that close the loops at q, (m, n), and the number of searches that ended at each, (m,).
+auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_t seed) {
+  std::vector<Pose> pose = random_starts(robot, q, starts, seed);
+  std::vector<char> closed(pose.size());
+  for_rows(pose.size(), [&](std::size_t i) { closed[i] = closes(search(robot, q, pose[i])); });
+  std::vector<Pose> found;
+  for (std::size_t i = 0; i < pose.size(); ++i)
+    if (closed[i]) found.push_back(pose[i]);
+  const std::vector<AssemblyMode> modes = distinct_modes(robot, std::move(found));
+  const std::size_t n = dof(robot.mobility), count = modes.size();
+  Owned<double> x({count, n});
+  Owned<int> seen({count});
+  for (std::size_t k = 0; k < count; ++k) {
+    std::copy_n(to_coordinates(robot.mobility, modes[k].pose).begin(), n, x[k]);
+    *seen[k] = modes[k].seen;
+  }
+  return together(x, seen);
 }
 
-void bind_faults(nb::module_& m) {
-  nb::enum_<FaultKind> kind(m, "FaultKind");
-  nb::class_<FaultProperties> properties(m, "FaultProperties");
-  TRUEPOSE_FIELDS(properties, def_ro, kind, size, lasts, at_rest, pair);
-  nb::dict kinds;
-  for (const FaultProperties& row : kFaultTable) {
-    kind.value(row.name, row.kind);
-    kinds[row.name] = nb::cast(row);
-  }
-  m.attr("fault_kinds") = kinds;
-  m.attr("most_late") = kMostLate;
-  nb::class_<Fault> fault(m, "Fault");
-  fault.def(nb::init<>());
-  TRUEPOSE_FIELDS(fault, def_rw, kind, reading, other, size, begin, end, count, frame);
-  nb::enum_<Disturbance>(m, "DisturbanceKind")
-      .value("none", Disturbance::none)
-      .value("payload", Disturbance::payload)
-      .value("friction", Disturbance::friction)
-      .value("contact", Disturbance::contact);
-  nb::class_<Event> event(m, "Event");
-  event.def(nb::init<>());
-  TRUEPOSE_FIELDS(event, def_rw, kind, begin, end, motor, size, force);
-  nb::class_<FaultyReadings>(m, "FaultyReadings")
-      .def(nb::init<const std::vector<Fault>&, double>())
-      .def("read", &faulty)
-      .def("frozen", &FaultyReadings::frozen);
+/// J_x at home for every rod, (rods, freedoms); requires robot.full.
+auto full_rod_rows(const Robot& robot) {
+  const std::size_t rods = robot.full.rods, unknowns = robot.full.unknowns;
+  Owned<double> result({rods, unknowns});
+  Matrix<kMaxRods, kMaxUnknowns> rows{};
+  const bool together = bars_together(robot, robot.full.bars);
+  const Outcome outcome = full_rows(robot, together, rows);
+  if (!outcome) throw nb::value_error(describe(outcome.status));
+  for (std::size_t rod = 0; rod < rods; ++rod)
+    std::memcpy(result[rod], rows[rod].data(), unknowns * sizeof(double));
+  return result.release();
 }
+
+/// Exact readings of a mechanism at this pose with these motors and arms.
+auto readings(const Robot& robot, const std::array<double, 3>& D, const std::array<double, 9>& R,
+              const std::array<double, kMaxBars>& psi, double theta, const Joint& motor,
+              const Joint& arm) {
+  FullPose pose;
+  std::copy_n(D.begin(), 3, pose.D.data());
+  for (int k = 0; k < 9; ++k) pose.R(k / 3, k % 3) = R[k];
+  pose.psi = psi, pose.theta = theta;
+  Extended q_e{};
+  const Outcome outcome = read_standing(robot, pose, motor, arm, q_e);
+  return nb::make_tuple(q_e, static_cast<int>(outcome.status));
+}
+
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
   using namespace nb::literals;
-  bind_late(m);
-  bind_faults(m);
-  nb::class_<Effects> effects(m, "Effects");
-  effects.def(nb::init<>());
-  TRUEPOSE_FIELDS(effects, def_rw, backlash, friction, arm_stiffness, rod_stiffness, arm_damping,
-                  ripple, phase, delayed);
+  nb::class_<Slow>(m, "Slow")
+      .def(nb::init<const Lateness&>())
+      .def("deliver", &Slow::deliver, "motors"_a, "q_e"_a);
+  nb::class_<FaultyReadings>(m, "FaultyReadings")
+      .def(nb::init<const std::vector<Fault>&, double>())
+      .def("read", &faulty)
+      .def("frozen", &FaultyReadings::frozen);
   nb::class_<Setup>(m, "Loop")
       .def(nb::init<const Robot&, const Robot&, const ControlSettings&, const Known*,
                     const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
@@ -320,5 +331,8 @@ void bind_simulation(nb::module_& m) {
            "error_of"_a.none() = nb::none())
       .def("visit", &run_visit, "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
+  m.def("assembly_modes", &assembly_modes);
+  m.def("full_rod_rows", &full_rod_rows);
+  m.def("readings", &readings);
 }
 }  // namespace truepose::python

@@ -16,19 +16,22 @@ bool same(const truepose_real* a, const Values& b) {
   return std::equal(b.begin(), b.end(), a);
 }
 
-/// The table in C of a struct of the core.
-template <class C>
-C in_c(const auto& core) {
-  C table;
-  c::describe(core, table);
+/// The table in C of a robot, and of settings.
+inline truepose_description in_c(const Robot& robot) {
+  truepose_description table;
+  c::describe(robot, table);
   return table;
+}
+template <class Core>
+auto in_c(const Core& core) {
+  return c::converted<typename c::Described<Core>::type>(core);
 }
 
 struct ModelInC {
   explicit ModelInC(const truepose_description& description) : table(description) {
     outcome = truepose_load(&model, sizeof model, &table);
   }
-  explicit ModelInC(const Robot& robot) : ModelInC(in_c<truepose_description>(robot)) {}
+  explicit ModelInC(const Robot& robot) : ModelInC(in_c(robot)) {}
   operator const truepose_model*() const { return &model; }
   truepose_description table;
   truepose_model model;
@@ -37,13 +40,11 @@ struct ModelInC {
 
 /// A prior, and the memory that estimates by it need.
 struct KnownInC {
-  explicit KnownInC(const Robot& robot) : prior(robot), work(estimate_work(robot, of.count)) {
-    std::copy_n(of.sigma.begin(), kMaxReadings, table.sigma);
-  }
+  explicit KnownInC(const Robot& robot) : prior(robot), work(estimate_work(robot, of.count)) {}
   operator const truepose_knowledge*() const { return &table; }
   Prior prior;
   const Knowledge& of = prior.known();
-  truepose_knowledge table{of.count, 0, of.column, of.root, {}};
+  truepose_knowledge table = c::converted<truepose_knowledge>(of);
   std::vector<truepose_real> work;
 };
 
@@ -60,7 +61,7 @@ inline truepose_controller controller_in_c(const truepose_control_settings& tabl
 }
 
 inline truepose_fault_monitor monitor_in_c(const FaultTolerantSettings& settings) {
-  const auto table = in_c<truepose_fault_monitor_settings>(settings);
+  const auto table = in_c(settings.monitor);
   truepose_fault_monitor monitor;
   CHECK(same(truepose_fault_monitor_init(&monitor, sizeof monitor, &table), {}));
   return monitor;

@@ -420,10 +420,20 @@ inline Extended readings_at(const Robot& robot, const Coordinates& x) {
   return readings_at(robot, to_pose(robot.mobility, x));
 }
 
-inline Joint random_joint(check::Random& random, double size) {
-  Joint values{};
-  for (double& value : values) value = size * random();
-  return values;
+/// Numbers of the motors or of the platform's freedoms.
+struct RandomNumbers {
+  Coordinates values{};
+  operator Coordinates() const { return values; }
+  operator Joint() const {
+    Joint all{};
+    std::copy(values.begin(), values.end(), all.begin());
+    return all;
+  }
+};
+inline RandomNumbers random_joint(check::Random& random, double size) {
+  RandomNumbers drawn;
+  for (double& value : drawn.values) value = size * random();
+  return drawn;
 }
 
 /// Largest entry of the difference of two poses.

@@ -18,7 +18,7 @@ TEST_EACH(for_each,
   const Pose home = to_pose(K, mechanism.robot.home);
   std::vector<Pose> found{home};
   for (int j = 0; j < n; ++j) {
-    Joint step{};
+    Coordinates step{};
     step[j] = 1e-4;
     found.push_back(moved(K, home, step));
     step[j] = 1e-4 + 1e-9;  // another search's end there

@@ -35,7 +35,8 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
     for (int k = 0; k < 20; ++k) {
       const Coordinates x = random_pose(mechanism, random);
       Joint q{};
-      truepose_real q_c[6] = {}, x_c[6] = {}, q_e[16] = {};
+      truepose_real q_c[TRUEPOSE_MOTORS] = {}, x_c[TRUEPOSE_FREEDOMS] = {},
+                    q_e[TRUEPOSE_READINGS] = {};
       CHECK(same(truepose_ikm(model, x.data(), q_c),
                  full ? command_full(robot, x, q) : command(robot, x, q)));
       CHECK(same(q_c, q));
@@ -52,23 +53,23 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
       for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_e[i], q[i], 1e-12);
       for (int i = 0; i < robot.r; ++i) CHECK(q_e[robot.motors + i] == r[i]);
       JointMatrix J{};
-      truepose_real J_c[36] = {};
+      truepose_real J_c[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS] = {};
       CHECK(same(truepose_jacobian(model, x.data(), J_c),
                  full ? jacobian_full(robot, x, J) : jacobian(robot, x, J)));
       CHECK(std::memcmp(J_c, &J, sizeof J) == 0);
       double parallel = 0;
       Joint serial{};
-      truepose_real parallel_c = 0, serial_c[6] = {};
+      truepose_real parallel_c = 0, serial_c[TRUEPOSE_MOTORS] = {};
       CHECK(same(truepose_conditioning(model, x.data(), &parallel_c, serial_c),
                  conditioning(robot, x, parallel, serial)));
       CHECK(parallel_c == parallel && same(serial_c, serial));
       ExtendedColumns M{};
       ExtendedRows M_plus{};
-      truepose_real tej_c[6 * 16] = {};
+      truepose_real tej_c[TRUEPOSE_MOTORS * TRUEPOSE_READINGS] = {};
       CHECK(same(truepose_tej(model, x.data(), 0, tej_c), tej(robot, x, M, M_plus)));
       for (int i = 0; i < robot.motors; ++i)
-        CHECK(
-            std::equal(tej_c + 16 * i, tej_c + 16 * i + robot.motors + robot.r, M_plus[i].begin()));
+        CHECK(std::equal(tej_c + kMaxReadings * i,
+                         tej_c + kMaxReadings * i + robot.motors + robot.r, M_plus[i].begin()));
     }
   });
 }
@@ -79,7 +80,7 @@ TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
   for (int k = 0; k < 20; ++k) {
     const Coordinates x = random_pose(mechanism, random);
     truepose_pose pose, found;
-    truepose_real back[6], q[6], q_pose[6];
+    truepose_real back[TRUEPOSE_FREEDOMS], q[TRUEPOSE_MOTORS], q_pose[TRUEPOSE_MOTORS];
     std::copy_n(x.begin(), 6, back);
     CHECK(same(truepose_pose_of(model, x.data(), &pose), {}));
     CHECK(same(truepose_coordinates_of(model, &pose, back), {}));
@@ -88,7 +89,7 @@ TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
     Real least = 0, parallel = 0;
     Joint serial{};
     CHECK(same(truepose_ikm_pose(model, &pose, q_pose, &least), {}));
-    for (int i = 0; i < 6; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
+    for (int i = 0; i < n; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
     CHECK(conditioning(mechanism.robot, x, parallel, serial));
     for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
     CHECK_NEAR(least, parallel, 1e-10);
@@ -97,7 +98,7 @@ TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
     for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
   }
   truepose_pose flat = {{0, 0, -0.4}, {1, 0, 0, 0, 1, 0, 0, 0, 1.1}};
-  truepose_real x[6] = {};
+  truepose_real x[TRUEPOSE_FREEDOMS] = {};
   CHECK(truepose_coordinates_of(model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
   flat.rotation[8] = NAN;
   CHECK(truepose_coordinates_of(model, &flat, x).status == TRUEPOSE_NOT_FINITE);
@@ -124,7 +125,10 @@ TEST_EACH(for_each_pivot,
   for (int k = 0; k < 20; ++k) {
     const Coordinates x = random_pose(mechanism, random, 0.6);
     Joint q{};
-    truepose_real q_c[6], x_c[6] = {}, J[36], torque[6] = {}, joint[6], back[6], read[16];
+    truepose_real q_c[TRUEPOSE_MOTORS],
+        x_c[TRUEPOSE_FREEDOMS] = {}, J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS],
+        torque[TRUEPOSE_MOTORS] = {}, joint[TRUEPOSE_FREEDOMS], back[TRUEPOSE_MOTORS],
+        read[TRUEPOSE_READINGS];
     CHECK(ikm(robot, x, q) && same(truepose_ikm(model, x.data(), q_c), {}));
     CHECK(same(q_c, q));
     CHECK(same(truepose_fkm(model, q_c, kCap, x_c).outcome, {}));
@@ -135,7 +139,7 @@ TEST_EACH(for_each_pivot,
     CHECK(same(truepose_pose_of(model, x.data(), &pose), {}));
     const Pose there = placed(robot, to_pose(K, x));
     for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
-    truepose_real found[6] = {};
+    truepose_real found[TRUEPOSE_FREEDOMS] = {};
     CHECK(same(truepose_coordinates_of(model, &pose, found), {}));
     for (int j = 0; j < n; ++j) CHECK_NEAR(found[j], x[j], 1e-12);
     pose.position[1] += 0.01;  // its axes cannot carry it there
@@ -153,17 +157,18 @@ TEST_EACH(for_each_pivot,
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(back[i], torque[i], 1e-14);
       at_motors += torque[i] * 0.5 * (i + 1);
-      for (int j = 0; j < n; ++j) at_joints += joint[j] * J[6 * j + i] * 0.5 * (i + 1);
+      for (int j = 0; j < n; ++j)
+        at_joints += joint[j] * J[TRUEPOSE_MOTORS * j + i] * 0.5 * (i + 1);
     }
     CHECK_NEAR(at_motors, at_joints, 1e-14);
   }
   truepose_description table = model.table;
   table.axis[0].direction[0] += 0.1;
   const truepose_outcome bent = ModelInC(table).outcome;
-  CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == 26);
+  CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == kAxisPart);
   table = model.table;
   table.sensor[0].axis = n;
-  CHECK(same(ModelInC(table).outcome, {Status::no_such_part, 6}));
+  CHECK(same(ModelInC(table).outcome, {Status::no_such_part, kSensorPart}));
   table = model.table;
   table.axis[n - 1].low = NAN;
   CHECK(ModelInC(table).outcome.status == TRUEPOSE_NOT_FINITE);
@@ -199,7 +204,7 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
     settings.law = law;
     settings.sigma_scale = 3;
     CHECK(place_poles(robot, robot.home, 100, 1, settings));
-    auto table = in_c<truepose_control_settings>(settings);
+    auto table = in_c(settings);
     CHECK(same(truepose_place_poles(model, robot.home.data(), 100, 1, &table), {}));
     CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
     truepose_controller controller = controller_in_c(table);
@@ -216,22 +221,23 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       Extended q_e = readings_at(robot, setpoint.x);
       for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
       Joint e{};
-      truepose_real e_c[6] = {}, torque[6] = {};
-      CHECK(same(truepose_motor_error(model, static_cast<int>(law), 0, setpoint.x.data(),
-                                      q_e.data(), known, known.work.data(), e_c),
+      truepose_real torque[TRUEPOSE_MOTORS] = {};
+      truepose_servo_cycle cycle;
+      CHECK(same(truepose_servo(model, static_cast<int>(law), 0, setpoint.x.data(), q_e.data(),
+                                known, known.work.data(), &cycle),
                  motor_error(robot, law, setpoint.x, q_e, e, 0, known.prior.weighing())));
-      CHECK(same(e_c, e));
-      CHECK(same(truepose_controller_error(model, &alone, setpoint.x.data(), q_e.data(), known,
-                                           known.work.data(), e_c),
+      CHECK(same(cycle.error, e));
+      CHECK(same(truepose_controller_servo(model, &alone, setpoint.x.data(), q_e.data(), known,
+                                           known.work.data(), &cycle),
                  motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing)));
-      CHECK(same(e_c, e));
+      CHECK(same(cycle.error, e));
       CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
                                   known.work.data(), torque),
                  control(robot, settings, setpoint, q_e, state, keeps)));
       CHECK(same(torque, state.torque));
       Pose pose = to_pose(K, robot.home);
       const auto estimated = estimate(Level::ideal, robot, known.of, q_e, pose, known.work.data());
-      truepose_real x_c[6];
+      truepose_real x_c[TRUEPOSE_FREEDOMS];
       std::copy_n(robot.home.begin(), 6, x_c);
       const truepose_estimate_result result =
           truepose_estimate(model, known, q_e.data(), known.work.data(), x_c);
@@ -239,15 +245,16 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       CHECK(same(x_c, to_coordinates(K, pose)) && result.chi2 == estimated.chi2);
     }
   }
-  truepose_real e[6];
-  const truepose_real q_e[16] = {};
-  CHECK(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e, nullptr,
-                             nullptr, e)
+  truepose_servo_cycle cycle;
+  const truepose_real q_e[TRUEPOSE_READINGS] = {};
+  CHECK(truepose_servo(model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e, nullptr, nullptr,
+                       &cycle)
             .status == TRUEPOSE_NOT_MEASURED);
   truepose_controller unfinished{};
-  CHECK(truepose_controller_error(model, &unfinished, robot.home.data(), q_e, nullptr, nullptr, e)
+  CHECK(truepose_controller_servo(model, &unfinished, robot.home.data(), q_e, nullptr, nullptr,
+                                  &cycle)
             .status == TRUEPOSE_UNFINISHED);
-  CHECK(truepose_motor_error(model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e).status ==
+  CHECK(truepose_servo(model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, &cycle).status ==
         TRUEPOSE_NO_SUCH_PART);
 }
 
@@ -265,7 +272,7 @@ TEST_EACH(for_each,
     for (const bool stamped : {false, true})
       for (const bool monitors : {false, true}) {
         slow.stamped = stamped ? 1 : 0;
-        const auto slow_c = in_c<truepose_multirate_settings>(slow);
+        const auto slow_c = in_c(slow);
         truepose_multirate sensors;
         Multirate late;
         CHECK(start(slow, late));
@@ -273,7 +280,7 @@ TEST_EACH(for_each,
         ControlSettings settings;
         settings.law = law;
         CHECK(place_poles(robot, robot.home, 60, 1, settings));
-        truepose_controller controller = controller_in_c(in_c<truepose_control_settings>(settings));
+        truepose_controller controller = controller_in_c(in_c(settings));
         CHECK(same(truepose_controller_sensors(&controller, &sensors), {}));
         FaultTolerantSettings watch;
         truepose_fault_monitor monitor = monitor_in_c(watch);
@@ -304,7 +311,7 @@ TEST_EACH(for_each,
             late.arrived = all;
             if (comes && stamped) CHECK(stamp(late, 0, time[0], now));
           }
-          truepose_real torque[6];
+          truepose_real torque[TRUEPOSE_MOTORS];
           Outcome outcome;
           if (monitors) {
             outcome = control_fault_tolerant(robot, settings, watch, setpoint, q_e, state, keeps,
@@ -336,7 +343,7 @@ TEST_EACH(for_each,
 
 TEST("slow sensors that none can have are refused, and their absence is allowed") {
   truepose_multirate sensors{};
-  auto settings = in_c<truepose_multirate_settings>(MultirateSettings{});
+  auto settings = in_c(MultirateSettings{});
   truepose_control_settings control;
   truepose_control_defaults(&control);
   truepose_controller controller = controller_in_c(control);
@@ -363,8 +370,7 @@ TEST_EACH(for_each,
   const Robot& robot = mechanism.robot;
   const ModelInC model(robot);
   KnownInC known(robot);
-  truepose_controller controller =
-      controller_in_c(in_c<truepose_control_settings>(settings_for(robot, Law::joint)));
+  truepose_controller controller = controller_in_c(in_c(settings_for(robot, Law::joint)));
   truepose_fault_monitor fault_state = monitor_in_c({});
   const truepose_setpoint setpoint = setpoint_in_c(robot.home);
   Extended q_e = readings_at(robot, robot.home);
@@ -374,7 +380,7 @@ TEST_EACH(for_each,
   const auto cycles = [&](int count, double reading) {
     Extended read = q_e;
     read[sensor] = reading;
-    truepose_real torque[6];
+    truepose_real torque[TRUEPOSE_MOTORS];
     for (int k = 0; k < count; ++k)
       outcome =
           truepose_control_fault_tolerant(model, nullptr, &controller, &fault_state, &setpoint,
@@ -390,7 +396,7 @@ TEST_EACH(for_each,
   CHECK(same(truepose_fault_monitor_acknowledge(&fault_state, sensor), {}));
   cycles(100, q_e[sensor]);
   CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
-  truepose_real believed[16] = {};
+  truepose_real believed[TRUEPOSE_READINGS] = {};
   Extended none = q_e;
   none[sensor] = NAN;
   truepose_fault_monitor_step(model, &fault_state, q_e.data(), none.data(), known,
@@ -428,7 +434,7 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   CHECK(same(truepose_online_calibrator_model(&learner, &learnt, sizeof learnt), {}));
   CHECK(same(truepose_online_calibrator_knowledge(&learner, &after), {}));
   CHECK(after.count == p && std::equal(after.root, after.root + p * p, core.state.root));
-  truepose_real q[6] = {};
+  truepose_real q[TRUEPOSE_MOTORS] = {};
   Joint expected{};
   CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
   CHECK(same(q, expected));
@@ -439,7 +445,7 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   CHECK(same(truepose_description_of(&learnt, &kept), {}));
   const ModelInC again(kept);
   CHECK(same(again.outcome, {}));
-  truepose_real q_again[6] = {};
+  truepose_real q_again[TRUEPOSE_MOTORS] = {};
   CHECK(truepose_ikm(again, robot.home.data(), q_again).status == TRUEPOSE_OK);
   for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
   CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
@@ -460,7 +466,7 @@ TEST("a path clock in C is the core's") {
 }
 
 TEST("what is no robot is refused, named, and answers nothing") {
-  const auto table = in_c<truepose_description>(h4().robot);
+  const auto table = in_c(h4().robot);
   struct Wrong {
     const char* what;
     void (*make)(truepose_description&);
@@ -470,7 +476,7 @@ TEST("what is no robot is refused, named, and answers nothing") {
       {"version", [](auto& t) { t.abi = 1; }, TRUEPOSE_OTHER_VERSION, -1},
       {"size", [](auto& t) { --t.size; }, TRUEPOSE_OTHER_VERSION, -1},
       {"a pivot, of whose axes it says nothing", [](auto& t) { t.mobility = 6; },
-       TRUEPOSE_NO_SUCH_VALUE, 26},
+       TRUEPOSE_NO_SUCH_VALUE, kAxisPart},
       {"chains", [](auto& t) { t.chains = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"sensors", [](auto& t) { t.sensors = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"bodies", [](auto& t) { t.bodies = -5; }, TRUEPOSE_NO_SUCH_PART, -1},
@@ -486,10 +492,10 @@ TEST("what is no robot is refused, named, and answers nothing") {
        0},
       {"a stop", [](auto& t) { t.chain[0].low = NAN; }, TRUEPOSE_NOT_FINITE, 0},
       {"no gain", [](auto& t) { t.chain[0].encoder_gain = 0; }, TRUEPOSE_NO_SUCH_VALUE, 0},
-      {"gear", [](auto& t) { t.sensor[0].gear = 0; }, TRUEPOSE_NO_SUCH_VALUE, 6},
-      {"noise", [](auto& t) { t.sensor[0].noise = -1; }, TRUEPOSE_NO_SUCH_VALUE, 6},
-      {"mass", [](auto& t) { t.body[0].mass = -1; }, TRUEPOSE_NO_SUCH_VALUE, 18},
-      {"inertia", [](auto& t) { t.body[0].inertia[1] = 1; }, TRUEPOSE_NO_SUCH_VALUE, 18},
+      {"gear", [](auto& t) { t.sensor[0].gear = 0; }, TRUEPOSE_NO_SUCH_VALUE, kSensorPart},
+      {"noise", [](auto& t) { t.sensor[0].noise = -1; }, TRUEPOSE_NO_SUCH_VALUE, kSensorPart},
+      {"mass", [](auto& t) { t.body[0].mass = -1; }, TRUEPOSE_NO_SUCH_VALUE, kBodyPart},
+      {"inertia", [](auto& t) { t.body[0].inertia[1] = 1; }, TRUEPOSE_NO_SUCH_VALUE, kBodyPart},
   };
   for (const Wrong& wrong : wrongs) {
     check::state().scene = wrong.what;
@@ -497,13 +503,13 @@ TEST("what is no robot is refused, named, and answers nothing") {
     wrong.make(spoilt);
     const ModelInC model(spoilt);
     CHECK(model.outcome.status == wrong.status && model.outcome.part == wrong.part);
-    truepose_real q[6] = {7, 7, 7, 7, 7, 7};
+    truepose_real q[TRUEPOSE_MOTORS] = {7, 7, 7, 7, 7, 7};
     CHECK(truepose_ikm(model, table.home, q).status == TRUEPOSE_UNFINISHED && q[0] == 7);
     CHECK(truepose_freedoms(model) == 0 && truepose_work(model, 5) == 0);
   }
   truepose_model model;
   std::memset(&model, 0x5a, sizeof model);
-  truepose_real q[6];
+  truepose_real q[TRUEPOSE_MOTORS];
   CHECK(truepose_ikm(&model, table.home, q).status == TRUEPOSE_UNFINISHED);
   CHECK(truepose_load(&model, truepose_model_size() - 1, &table).status == TRUEPOSE_TOO_SMALL);
   CHECK(truepose_load(nullptr, sizeof model, &table).status == TRUEPOSE_TOO_SMALL);
@@ -528,15 +534,16 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
   const auto refused = [&](std::int32_t count, std::int32_t first, std::int32_t part) {
     known.table.count = count;
     column[0] = first;
-    truepose_real q_e[16] = {}, out[16], x[6] = {};
+    truepose_real q_e[TRUEPOSE_READINGS] = {}, out[TRUEPOSE_READINGS], x[TRUEPOSE_FREEDOMS] = {};
     truepose_fault_report report;
-    CHECK(same(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, known,
-                                    known.work.data(), out),
+    truepose_servo_cycle cycle;
+    CHECK(same(truepose_servo(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, known,
+                              known.work.data(), &cycle),
                {Status::no_such_part, part}));
     CHECK(truepose_control(model, &controller, &setpoint, q_e, known, known.work.data(), out)
               .status == TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_controller_error(model, &controller, setpoint.x, q_e, known, known.work.data(),
-                                    out)
+    CHECK(truepose_controller_servo(model, &controller, setpoint.x, q_e, known, known.work.data(),
+                                    &cycle)
               .status == TRUEPOSE_NO_SUCH_PART);
     // A law that does not weigh does not look at it; a monitor does.
     CHECK(truepose_control(model, &joint, &setpoint, q_e, known, known.work.data(), out).status ==
@@ -554,7 +561,7 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
   refused(known.of.count, -1, 0);
   refused(-1, 0, -1);
   refused(2000000, 0, -1);
-  truepose_real q_e[16] = {}, x[6] = {};
+  truepose_real q_e[TRUEPOSE_READINGS] = {}, x[TRUEPOSE_FREEDOMS] = {};
   CHECK(truepose_estimate(model, nullptr, q_e, known.work.data(), x).outcome.status ==
         TRUEPOSE_NOT_MEASURED);
 }
@@ -583,7 +590,7 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(begun([](auto& s) { s.period = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(begun([](auto& s) { s.kp[5] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(truepose_change_law(&controller, -1).status == TRUEPOSE_NO_SUCH_PART);
-  const auto monitor = in_c<truepose_fault_monitor_settings>(FaultTolerantSettings{});
+  const auto monitor = in_c(FaultMonitorSettings{});
   truepose_fault_monitor fault_state;
   const auto monitored = [&](auto change) {
     truepose_fault_monitor_settings settings = monitor;
@@ -602,7 +609,7 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(truepose_fault_monitor_warm(&fault_state) == 0);
   c::FaultTolerantSetup::of(&fault_state)->state.monitor.warm_up.warm = true;
   CHECK(truepose_fault_monitor_warm(&fault_state) == 1);
-  truepose_real led[TRUEPOSE_FREEDOMS] = {0.1};
+  truepose_real led[TRUEPOSE_MOTORS] = {0.1};
   CHECK(truepose_fault_monitor_led(&fault_state, led).status == TRUEPOSE_OK);
   led[5] = NAN;
   CHECK(truepose_fault_monitor_led(&fault_state, led).status == TRUEPOSE_NOT_FINITE);
@@ -635,14 +642,12 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
     Extended q_e{};
     Joint q{}, e{};
     std::array<Joint, 6> J;
-    std::array<Extended, 6> tej;
+    std::array<Extended, TRUEPOSE_MOTORS> tej;
     CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
     for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
     truepose_servo_cycle cycle;
     CHECK(model.servo(law, x, q_e, cycle));
-    CHECK(same(
-        truepose_motor_error(c_model, law, 0, x.data(), q_e.data(), nullptr, nullptr, e.data()),
-        {}));
+    CHECK(motor_error(robot, static_cast<Law>(law), x, q_e, e));
     CHECK(same(cycle.error, e) && same(cycle.q_d, q));
     CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
     const bool by_readings = law == TRUEPOSE_LAW_TEJ;

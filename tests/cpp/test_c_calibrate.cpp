@@ -22,7 +22,7 @@ struct Bench {
   std::vector<double> x = std::vector<double>(kRows * 2), chi2 = std::vector<double>(kRows);
   std::vector<std::int32_t> status = std::vector<std::int32_t>(kRows);
   truepose_model model;
-  truepose_knowledge table{p, 0, known.column, known.root, {}};
+  truepose_knowledge table = c::converted<truepose_knowledge>(known);
   truepose_log log{};
   truepose_calibration fit{};
 
@@ -42,7 +42,7 @@ struct Bench {
     Robot truth = robot;
     CHECK(set_parameters(robot, xi.data(), truth));
     for (int k = 0; k < kRows; ++k) {
-      const Joint at = random_pose(mechanism, random);
+      const Coordinates at = random_pose(mechanism, random);
       Extended read{};
       CHECK(extended(truth, to_pose(K, at), read));
       for (int i = 0; i < kReadings; ++i) readings.push_back(read[i] + 1e-5 * random());

@@ -16,7 +16,7 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
   truepose_fault_monitor monitor{}, alone;
   truepose_fault_report report;
   const ControlSettings control_settings = settings_for(robot, Law::joint);
-  const auto settings = in_c<truepose_control_settings>(control_settings);
+  const auto settings = in_c(control_settings);
   truepose_controller controller = controller_in_c(settings);
   FaultTolerantSettings core;
   prepare(core.monitor);
@@ -39,7 +39,7 @@ TEST("a payload in C has the core's size and torques, is fed forward, and drives
   CHECK(plant.rest());
   plant.disturb({.kind = Disturbance::payload, .size = 2});
   truepose_disturbance seen{}, by_drives{};
-  truepose_real torque[6] = {}, believed[kMaxReadings];
+  truepose_real torque[TRUEPOSE_MOTORS] = {}, believed[kMaxReadings];
   double sagged = 0, sag = 0;
   for (int k = 0; k < 1500; ++k) {
     Setpoint setpoint;

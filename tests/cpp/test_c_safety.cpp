@@ -34,7 +34,7 @@ struct InC {
   Robot robot;
   ModelInC model{robot};
   ControlSettings law = settings_for(robot, Law::joint);
-  truepose_control_settings settings = in_c<truepose_control_settings>(law);
+  truepose_control_settings settings = in_c(law);
   truepose_controller controller = controller_in_c(settings);
   truepose_safety_limits limits;
   truepose_safety_shell shell;

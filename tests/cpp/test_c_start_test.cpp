@@ -7,7 +7,7 @@ using namespace mechanisms;
 TEST("a start-up test in C passes with the core's torques, brakes and scales") {
   StartBench bench(limited_robot(h4()));
   const ModelInC model(bench.robot);
-  const auto limits = in_c<truepose_safety_limits>(bench.limits);
+  const auto limits = in_c(bench.limits);
   truepose_start_test test;
   truepose_start_report report{};
   CHECK(truepose_start_test_init(&test, sizeof test, model, nullptr, &limits).status == 0);
@@ -30,7 +30,7 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
 TEST("limits that contradict themselves, and a test that is none, are refused") {
   const StartBench bench(limited_robot(h4()));
   const ModelInC model(bench.robot);
-  auto limits = in_c<truepose_safety_limits>(bench.limits);
+  auto limits = in_c(bench.limits);
   truepose_start_test test{};
   truepose_start_report report{};
   truepose_start_settings settings;

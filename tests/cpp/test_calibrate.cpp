@@ -16,7 +16,7 @@ class SceneOf {
   const int n = dof(K);
   Knowledge known;
   std::vector<double> mean, q_e, measured, measured_sigma, influence;
-  std::vector<Joint> x;
+  std::vector<Coordinates> x;
   CalibrationSettings settings;
   Registration registration;
 
@@ -78,7 +78,7 @@ class SceneOf {
 
   /// What a tracker measures that sees the base so.
   void measure(const Registration& by) {
-    for (const Joint& at : x) {
+    for (const Coordinates& at : x) {
       const Seen seen_there = seen(K, by, to_pose(K, at));
       for (int i = 0; i < n; ++i) {
         measured_sigma.push_back(2e-5 * (1 + i));

@@ -162,10 +162,10 @@ TEST("on the estimate, a hexapod that turns through a right angle is damped by i
   Prior prior(robot);
   ControlSettings settings = settings_for(robot, Law::estimated);
   settings.feed_forward = FeedForward::none;
-  const Joint twist{0.02, -0.01, 0.03, 0.3, -0.5, 1.0};
+  const Coordinates twist{0.02, -0.01, 0.03, 0.3, -0.5, 1.0};
   ControlState state;
   Pose pose = moved(K, to_pose(K, robot.home), {0, 0, 0, 0.3, 0.2, -0.4});
-  Joint step{};
+  Coordinates step{};
   for (int i = 0; i < 6; ++i) step[i] = twist[i] * settings.period;
   for (int k = 0; k < 600; ++k) {
     Setpoint setpoint{to_coordinates(K, pose), {}, {}};
@@ -185,7 +185,7 @@ TEST_EACH(for_each, "a setpoint that jumps, and a controller switched on in moti
     Prior prior(robot);
     Setpoint still, away;
     still.x = robot.home;
-    Joint step{};
+    Coordinates step{};
     for (int i = 0; i < n; ++i) {
       step[i] = 1e-3 * random();
       still.rate[i] = 0.1 * random();
@@ -258,7 +258,7 @@ TEST_EACH(for_each,
     }
     ControlState state;
     CHECK(control(robot, settings, setpoint, q_e, state));
-    Joint acceleration{};
+    Coordinates acceleration{};
     CHECK(forward_dynamics(robot, pose, setpoint.rate, state.torque, acceleration));
     JointMatrix J;
     CHECK(jacobian(robot, setpoint.x, J));
@@ -279,11 +279,11 @@ TEST_EACH(for_each, "pole placement makes each motor alone a critically damped s
   DynamicModel model;
   CHECK(ikm(mechanism.robot, to_pose(K, mechanism.robot.home), closure));
   CHECK(jacobian(closure, jacobians));
-  CHECK(dynamic_model(mechanism.robot, closure, Joint{}, model));
+  CHECK(dynamic_model(mechanism.robot, closure, Coordinates{}, model));
   for (int m = 0; m < n; ++m) {
-    Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
+    Coordinates column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
     for (int i = 0; i < n; ++i) column[i] = jacobians.J[i][m];
-    const Joint still = inverse_dynamics(model, jacobians.J, Joint{});
+    const Joint still = inverse_dynamics(model, jacobians.J, Coordinates{});
     const Joint torque = inverse_dynamics(model, jacobians.J, column);
     const double inertia = torque[m] - still[m];
     CHECK_NEAR(settings.kp[m] / inertia, 1e4, 1e-6);

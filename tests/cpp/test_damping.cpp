@@ -16,7 +16,7 @@ const double kGain = 2 / (std::sqrt(3.0) * kBand);  ///< what no damped gain exc
 /// A straight path of poses that crosses a singularity of type 2.
 struct Crossing {
   Mechanism mechanism;
-  Joint from, to;
+  Coordinates from, to;
 };
 
 /// An H4 with its arms at right angles, as one would draw it first; turned far it is singular.
@@ -47,8 +47,8 @@ void for_each_crossing(F&& f) {
   }
 }
 
-Joint between(const Crossing& crossing, double part) {
-  Joint x{};
+Coordinates between(const Crossing& crossing, double part) {
+  Coordinates x{};
   for (int i = 0; i < kMaxDof; ++i)
     x[i] = crossing.from[i] + part * (crossing.to[i] - crossing.from[i]);
   return x;
@@ -89,7 +89,8 @@ TEST_EACH(for_each,
           "the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in millimetres") {
   check::Random random(91);
   for (int k = 0; k < 50; ++k) {
-    Joint x = random_pose(mechanism, random), serial{}, again{};
+    Coordinates x = random_pose(mechanism, random);
+    Joint serial{}, again{};
     Closure closure;
     CHECK(ikm(mechanism.robot, to_pose(K, x), closure));
     const Dense A = Lines(closure).A;
@@ -162,7 +163,7 @@ TEST("across a singularity of type 2 the torques stay bounded and steady, and th
       ControlState last;
       for (double part = 0; part <= 1; part += 1e-4) {
         Setpoint setpoint{between(crossing, part), {0.1, 0.1}, {1, 1}};
-        const Pose pose = moved(K, to_pose(K, setpoint.x), Joint{1e-4, 1e-4});
+        const Pose pose = moved(K, to_pose(K, setpoint.x), Coordinates{1e-4, 1e-4});
         Extended q_e{};
         CHECK(extended(robot, pose, q_e));
         ControlState state, other;
@@ -193,14 +194,15 @@ TEST_EACH(for_each,
   robot.assembly_sign = 0;
   double in = 0, out = 3;  // m along y, to the edge of the workspace
   for (int k = 0; k < 60; ++k) {
-    Joint x = robot.home, q{};
+    Coordinates x = robot.home;
+    Joint q{};
     const double middle = 0.5 * (in + out);
     x[1] += middle;
     (ikm(robot, x, q) ? in : out) = middle;
   }
   double paper = 0;
   for (double inside = 1e-14; inside < 1e-3; inside *= 2) {
-    Joint x = robot.home, rate{};
+    Coordinates x = robot.home, rate{};
     x[1] += in - inside;
     rate[1] = 1;
     Closure closure;
@@ -249,7 +251,7 @@ TEST("a damped setpoint settles, and says that it was damped") {
     const Robot& robot = crossing.mechanism.robot;
     StaticsSettings settings;
     settings.control.damped_below = kBand;
-    Joint x{};
+    Coordinates x{};
     CHECK(settle(robot, robot, settings, crossing.from, x).status == Status::ok);
     double part = 0, parallel = 1;
     Joint serial{};

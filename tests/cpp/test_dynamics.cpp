@@ -18,9 +18,9 @@ PlantState random_state(const Mechanism& mechanism, check::Random& random) {
 }
 
 /// The state after a time h of constant acceleration, to second order in h.
-PlantState along(Mobility K, const PlantState& start, const Joint& acceleration, double h) {
+PlantState along(Mobility K, const PlantState& start, const Coordinates& acceleration, double h) {
   PlantState state = start;
-  Joint step{};
+  Coordinates step{};
   for (int i = 0; i < dof(K); ++i) {
     step[i] = h * (start.rate[i] + 0.5 * h * acceleration[i]);
     state.rate[i] += h * acceleration[i];
@@ -52,7 +52,7 @@ TEST_EACH(for_each, "the mass matrix is symmetric and positive definite") {
     Jacobians jacobians;
     const auto model = model_at(mechanism.robot, random_state(mechanism, random), jacobians);
     for (int trial = 0; trial < 20; ++trial) {
-      const Joint rate = random_joint(random, 1);
+      const Coordinates rate = random_joint(random, 1);
       double twice_kinetic = 0, size = 0;
       for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) {
@@ -74,10 +74,11 @@ TEST_EACH(for_every, "the torques of an acceleration give that acceleration, fri
   check::Random random(52);
   for (int k = 0; k < 200; ++k) {
     const PlantState state = random_state(mechanism, random);
-    const Joint wanted = random_joint(random, 20);
+    const Coordinates wanted = random_joint(random, 20);
     Jacobians jacobians;
     const auto model = model_at(robot, state, jacobians);
-    Joint torque = inverse_dynamics(model, jacobians.J, wanted), acceleration{}, whole{};
+    Coordinates acceleration{};
+    Joint torque = inverse_dynamics(model, jacobians.J, wanted), whole{};
     for (int i = 0; i < n; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
     CHECK(forward_dynamics(robot, state.pose, state.rate, torque, acceleration));
     CHECK(inverse_dynamics(robot, state.pose, state.rate, wanted, whole));
@@ -98,7 +99,7 @@ TEST_EACH(for_each,
   check::Random random(53);
   for (int k = 0; k < 100; ++k) {
     const PlantState state = random_state(mechanism, random);
-    const Joint acceleration = random_joint(random, 5);
+    const Coordinates acceleration = random_joint(random, 5);
     Jacobians jacobians;
     const auto model = model_at(robot, state, jacobians);
     const Joint qdd = inverse_dynamics(model, jacobians.J, acceleration);
@@ -122,7 +123,7 @@ TEST_EACH(for_every, "energy grows at the power of the motors' torques") {
   for (int k = 0; k < 200; ++k) {
     const PlantState state = random_state(mechanism, random);
     const Joint torque = random_joint(random, 5);
-    Joint acceleration{};
+    Coordinates acceleration{};
     CHECK(forward_dynamics(robot, state.pose, state.rate, torque, acceleration));
     Jacobians jacobians;
     const auto model = model_at(robot, state, jacobians);
@@ -147,7 +148,7 @@ TEST_EACH(for_each, "at rest the bias is the slope of the potential energy") {
     for (int i = 0; i < n; ++i) {
       const auto potential = [&](double h) {
         PlantState there = state;
-        Joint step{};
+        Coordinates step{};
         step[i] = h;
         there.pose = moved(K, state.pose, step);
         return total_energy(robot, there);
@@ -241,7 +242,7 @@ TEST_EACH(for_each, "dynamics of a known acceleration, without the mass matrix, 
   check::Random random(59);
   for (int k = 0; k < 100; ++k) {
     const PlantState state = random_state(mechanism, random);
-    const Joint acceleration = random_joint(random, 20);
+    const Coordinates acceleration = random_joint(random, 20);
     Closure closure;
     DynamicModel whole, known;
     CHECK(ikm(mechanism.robot, state.pose, closure));

@@ -54,8 +54,9 @@ TEST_EACH(for_each,
   check::Random random(61);
   for (int sample = 0; sample < 100; ++sample) {
     const Pose pose = to_pose(K, random_pose(mechanism, random));
-    const Joint rate = random_joint(random, 0.5), torque = random_joint(random, 20);
-    Joint a{}, b{};
+    const Coordinates rate = random_joint(random, 0.5);
+    const Joint torque = random_joint(random, 20);
+    Coordinates a{}, b{};
     CHECK(forward_dynamics(mechanism.robot, pose, rate, torque, a));
     CHECK(forward_dynamics(wobbly, pose, rate, torque, b));
     for (int i = 0; i < n; ++i) CHECK_NEAR(a[i], b[i], 1e-9 * (1 + std::fabs(a[i])));
@@ -131,7 +132,8 @@ TEST_EACH(for_each, "conditioning and pole placement do not depend on how an enc
 TEST_EACH(for_each,
           "a motor that would pass its stops is named; what it does beyond them is still told") {
   Robot robot = eccentric(mechanism.robot);
-  Joint q{}, x = robot.home;
+  Coordinates x = robot.home;
+  Joint q{};
   CHECK(ikm(robot, robot.home, q));
   for (int i = 0; i < n; ++i)
     for (const bool above : {true, false}) {

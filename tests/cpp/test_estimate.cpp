@@ -171,7 +171,7 @@ TEST("elimination keeps the squares, and leaves rows below that no pose moves") 
         CHECK((rest.transpose() * tail - before.transpose() * free * residual).norm() <
               1e-9 * width);
         CHECK_NEAR(tail.squaredNorm(), residual.dot(free * residual), 1e-9);
-        Joint x{};  // and the best pose for a given change of ξ: here none
+        Coordinates x{};  // and the best pose for a given change of ξ: here none
         std::copy_n(e.begin(), n, x.begin());
         back_substitute(n, A, x);
         const Eigen::VectorXd best = reference::solve(H, residual);
@@ -210,7 +210,8 @@ TEST_MODELS(
   Scene scene(mechanism, random);
   std::vector<Visit> visits(15);
   for (Visit& visit : visits) visit.pose = to_pose(K, random_pose(mechanism, random));
-  Joint at_last = to_coordinates(K, visits.back().pose), sigma;
+  Coordinates at_last = to_coordinates(K, visits.back().pose);
+  Joint sigma;
   sigma.fill(1e-4);
   at_last[0] = NAN;  // all coordinates but one
   visits.back().outside = {at_last.data(), sigma.data()};

@@ -68,7 +68,7 @@ TEST_EACH(for_each,
           "whatever reading is faulty, the machine goes on, and its torques stay finite and held") {
   const Robot& robot = mechanism.robot;
   check::Random random(12);
-  const Joint to = random_pose(mechanism, random);
+  const Coordinates to = random_pose(mechanism, random);
   for (const Law law : kLaws) {
     ControlSettings settings;
     settings.law = law;

@@ -30,7 +30,7 @@ TEST_EACH(
       robot.sensor[1].bar = k % 2;
       robot.sensor[1].gain = 1.1;
     }
-    const Joint x = random_pose(mechanism, random);
+    const Coordinates x = random_pose(mechanism, random);
     FullClosure closure;
     FullJacobians jacobians;
     JointMatrix J;
@@ -112,13 +112,14 @@ TEST("a robot without a full level says so, whatever it is asked") {
   Robot robot = par4().robot;
   for (Chain& chain : robot.chain) chain.bar = -1;  // two rods too many
   CHECK(finish_full(robot));
-  Joint x = robot.home, q{};
+  Coordinates x = robot.home, turns{};
+  Joint q{};
   Reading r{};
   JointMatrix J{};
   CHECK(ikm_full(robot, x, q).status == Status::no_full_level);
   CHECK(rkm_full(robot, x, r).status == Status::no_full_level);
   CHECK(jacobian_full(robot, x, J).status == Status::no_full_level);
-  CHECK(parasitic(robot, x, q).status == Status::no_full_level);
+  CHECK(parasitic(robot, x, turns).status == Status::no_full_level);
   CHECK(fkm_full(robot, q, x).status == Status::no_full_level && x == robot.home);
 }
 
@@ -126,7 +127,8 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
   for_each_full([](const Mechanism& mechanism) {
     const Mobility K = mechanism.robot.mobility;
     const Robot& robot = mechanism.robot;
-    Joint q{}, x = robot.home;
+    Coordinates x = robot.home;
+    Joint q{};
     x[1] += 5;
     const Outcome far = ikm_full(robot, x, q);
     CHECK(far.status == Status::unreachable && far.chain >= 0);
@@ -177,7 +179,7 @@ TEST_EACH(for_each_full,
           "random motors and guesses end in a status and at most 60 steps, never in a NaN") {
   check::Random random(97);
   for (long k = 0; k < check::sample_size(2000); ++k) {
-    Joint x = random_joint(random, 2);
+    Coordinates x = random_joint(random, 2);
     const FullResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
     CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, n)));
     CHECK(!result || result.residual < 1e-12);

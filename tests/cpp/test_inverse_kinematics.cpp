@@ -115,9 +115,9 @@ TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones
   for (const double size : {0.0, 1e-12, 1e-6, 0.009, 0.011, 0.3, 1.5})
     for (int k = 0; k < 100; ++k) {
       const Pose start = to_pose(K, random_pose(mechanism, random));
-      const Joint step = random_joint(random, size);
+      const Coordinates step = random_joint(random, size);
       const Pose end = moved(K, start, step);
-      const Joint back = difference(K, end, start);
+      const Coordinates back = difference(K, end, start);
       for (int i = 0; i < n; ++i) CHECK_NEAR(back[i], step[i], 1e-14);
       CHECK_NEAR(dense(end.R.transpose() * end.R - Mat3::Identity()).norm(), 0, 3e-15);
       CHECK_NEAR(distance(K, to_pose(K, to_coordinates(K, end)), end), 0, 3e-15);
@@ -128,11 +128,11 @@ TEST_EACH(
     for_each,
     "the quintic starts and ends at rest, and its rate and acceleration are its derivatives") {
   check::Random random(6);
-  const Joint from = random_pose(mechanism, random), to = random_pose(mechanism, random);
+  const Coordinates from = random_pose(mechanism, random), to = random_pose(mechanism, random);
   const double T = 0.2, h = 1e-5;
   for (const double time : {-1.0, 0.0, T, 5.0}) {
     const Setpoint point = quintic(K, from, to, T, time);
-    const Joint& expected = time > 0 ? to : from;
+    const Coordinates& expected = time > 0 ? to : from;
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(point.x[i], expected[i], 1e-15);
       CHECK_NEAR(point.rate[i], 0, 0);
@@ -142,7 +142,7 @@ TEST_EACH(
   for (double time = 0.01; time < T; time += 0.01) {
     const Setpoint before = quintic(K, from, to, T, time - h), at = quintic(K, from, to, T, time),
                    after = quintic(K, from, to, T, time + h);
-    const Joint step = difference(K, to_pose(K, after.x), to_pose(K, before.x));
+    const Coordinates step = difference(K, to_pose(K, after.x), to_pose(K, before.x));
     for (int i = 0; i < n; ++i) {
       CHECK_NEAR(step[i] / (2 * h), at.rate[i], 1e-7);
       CHECK_NEAR((after.rate[i] - before.rate[i]) / (2 * h), at.acceleration[i], 1e-5);

@@ -16,8 +16,8 @@ double derivative(const F& f) {
   return (8 * (f(kStep) - f(-kStep)) - (f(2 * kStep) - f(-2 * kStep))) / (12 * kStep);
 }
 
-Joint unit(int i, double size) {
-  Joint step{};
+Coordinates unit(int i, double size) {
+  Coordinates step{};
   step[i] = size;
   return step;
 }

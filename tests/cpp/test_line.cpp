@@ -133,8 +133,8 @@ TEST_EACH(
   Scene scene(mechanism);
   const int readings = scene.readings(), p = scene.known.count;
   // In the base frame, of the nacelle's own coordinates: a step of the pose is one of them.
-  const Joint x = to_coordinates(K, scene.pose);
-  Joint measured = x, sigma{};
+  const Coordinates x = to_coordinates(K, scene.pose);
+  Coordinates measured = x, sigma{};
   for (int i = 0; i < n; ++i) sigma[i] = 1e-5 * (1 + 2 * i);
   // Rotation vectors have no differences; they are measured as they are.
   for (int i = 0; i < std::min(n, 4); ++i)
@@ -170,7 +170,7 @@ TEST_EACH(for_each, "an unknown registration is seen by what was measured, and b
   const Vec3 a = here.Q.col(0);
   if (turns_about_z(K)) spread[n - 1] /= std::hypot(a.x(), a.y());
   const Joint nothing{};
-  const Joint there = innovation(K, here, nothing.data());
+  const Coordinates there = innovation(K, here, nothing.data());
   Joint measured{};
   for (int i = 0; i < n; ++i) measured[i] = -there[i];
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(readings + n, n);

@@ -35,7 +35,7 @@ class Scene {
   check::Random& random() { return random_; }
 
   /// What the true robot reads at a pose, off by at most √3 σ.
-  Extended read(Level level, const Joint& x) {
+  Extended read(Level level, const Coordinates& x) {
     Extended q_e{};
     PoseRows H_x;
     Parasitic rest;

@@ -14,7 +14,7 @@ class Scene {
     learner.settings.drifts = 0;
   }
   /// The true robot's readings at a pose; the first motor's `more` further.
-  Extended read(const Joint& x, double more = 0) const {
+  Extended read(const Coordinates& x, double more = 0) const {
     Extended q_e{};
     CHECK(extended(truth, to_pose(truth.mobility, x), q_e));
     q_e[0] += more;

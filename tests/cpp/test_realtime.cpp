@@ -201,7 +201,8 @@ TEST_EACH(for_each, "no model does at either level, whether it finds an answer o
   const long count = kCycles / (K == Mobility::schoenflies ? 100 : 1000);
   CHECK(watched(count, [&](long k) {
           const Coordinates x = made.at(k).setpoint.x;
-          Joint q{}, back = robot.home;
+          Coordinates back = robot.home;
+          Joint q{};
           Reading r{};
           JointMatrix J;
           ExtendedColumns M;

@@ -86,7 +86,7 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
   const Coordinates x{0.02, -0.03, -0.52, 0.1};
   const Pose pose = to_pose(kH4, x);
   Joint q{}, torque{};
-  Coordinates found = x, acceleration{};
+  Coordinates found = x, acceleration{}, turns{};
   Reading r{};
   JointMatrix J{};
   Extended q_e{};
@@ -113,7 +113,7 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
       {"rkm_full", rkm_full(robot, x, r)},
       {"jacobian", jacobian(robot, x, J)},
       {"jacobian_full", jacobian_full(robot, x, J)},
-      {"parasitic", parasitic(robot, x, torque)},
+      {"parasitic", parasitic(robot, x, turns)},
       {"conditioning", conditioning(robot, x, parallel, torque)},
       {"tej", tej(robot, x, M, M_plus)},
       {"extended", extended(robot, pose, q_e)},
@@ -123,7 +123,7 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
       {"linearise_full", linearise_full(robot, pose, q_e, H_x, nullptr)},
       {"estimate",
        estimate(Level::ideal, robot, memory.known, q_e, near, memory.work.data()).outcome},
-      {"forward_dynamics", forward_dynamics(robot, pose, Joint{}, Joint{}, acceleration)},
+      {"forward_dynamics", forward_dynamics(robot, pose, {}, {}, acceleration)},
       {"place_poles", place_poles(robot, x, 100, 1, settings)},
       {"drawn_parameters", drawn_parameters(robot, memory.xi.data())},
       {"set_parameters", set_parameters(robot, memory.xi.data(), other)},

@@ -211,7 +211,7 @@ TEST("H_x is the derivative of every reading along the free twist, the motors fo
       const auto at = read_at(full, robot, pose);
       for (int j = 0; j < dof(K); ++j) {
         const Extended slope = derivative([&](double h) {
-          Joint step{};
+          Coordinates step{};
           step[j] = h;
           return read_at(full, robot, moved(K, pose, step)).q_e;
         });

@@ -29,11 +29,11 @@ TEST_EACH(for_each,
     Robot nominal = mechanism.robot;
     if (!gravity) nominal.gravity = Vec3::Zero();
     const Robot truth = built(nominal, random);
-    const Joint to = random_pose(mechanism, random, 0.5);
+    const Coordinates to = random_pose(mechanism, random, 0.5);
     for (const Law law : kLaws) {
       const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
       const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
-      Joint start{}, end{};
+      Coordinates start{}, end{};
       Prior prior(nominal);
       CHECK(settle(nominal, truth, settings, nominal.home, start, prior.weighing()));
       CHECK(settle(nominal, truth, settings, to, end, prior.weighing()));
@@ -53,21 +53,21 @@ TEST_EACH(
   Robot robot = mechanism.robot;
   robot.r = 2;
   check::Random random(64);
-  const Joint x = random_pose(mechanism, random);
+  const Coordinates x = random_pose(mechanism, random);
   Prior prior(robot);
   for (const Law law : kLaws) {
-    ExtendedRows leak;
+    PoseColumns leak;
     CHECK(leakage(robot, law, x, leak, prior.weighing()));
     for (int c = 0; c < n + robot.r; ++c) {
       Pose rest[2];
       for (const double side : {-1.0, 1.0}) {
         Robot read = robot;  // reading = position - offset
         (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
-        Joint end{};
+        Coordinates end{};
         CHECK(settle(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
         rest[side > 0] = to_pose(K, end);
       }
-      const Joint change = difference(K, rest[1], rest[0]);
+      const Coordinates change = difference(K, rest[1], rest[0]);
       for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
     }
   }
@@ -83,7 +83,8 @@ TEST("a robot rests under its weight also where gravity holds it more stiffly th
     CHECK(place_poles(robot, robot.home, 8, 1, settings));
     settings.feed_forward = FeedForward::gravity;
     const Robot truth = built(robot, random);
-    Joint x{}, load{};
+    Coordinates x{};
+    Joint load{};
     CHECK(settle(robot, truth, {settings, true}, robot.home, x));
     Extended q_e{};
     CHECK(extended(truth, to_pose(K, x), q_e));
@@ -91,7 +92,7 @@ TEST("a robot rests under its weight also where gravity holds it more stiffly th
     at_home.x = robot.home;
     ControlState state;
     CHECK(control(robot, settings, at_home, q_e, state));
-    CHECK(inverse_dynamics(truth, to_pose(K, x), Joint{}, Joint{}, load));
+    CHECK(inverse_dynamics(truth, to_pose(K, x), Coordinates{}, Coordinates{}, load));
     for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], load[i], 1e-9);
   }
 }
@@ -102,7 +103,7 @@ TEST("settle() never calls a NaN settled") {
     StaticsSettings settings{settings_for(robot, Law::joint, gains), true};
     for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
       settings.control.kp.fill(gain);
-      Joint x{};
+      Coordinates x{};
       CHECK(!settle(robot, robot, settings, robot.home, x));
     }
   }

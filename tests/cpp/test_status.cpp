@@ -13,14 +13,15 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 /// An answer is either finite or not ok.
-void check_honest(bool ok, const Joint& values, int n) { CHECK(!ok || all_finite(values, n)); }
+void check_honest(bool ok, const auto& values, int n) { CHECK(!ok || all_finite(values, n)); }
 
 }  // namespace
 
 TEST("a pose out of reach is unreachable, and the chain is named") {
   for_each([](const Mechanism& mechanism) {
     const Mobility K = mechanism.robot.mobility;
-    Joint x = mechanism.robot.home, q{};
+    Coordinates x = mechanism.robot.home;
+    Joint q{};
     x[1] += 5;
     const Outcome outcome = ikm(mechanism.robot, x, q);
     if (mechanism.robot.chain[0].actuator == Actuator::telescopic) {
@@ -40,7 +41,8 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
 TEST("motor positions that no pose holds are unreachable, by Newton and in closed form") {
   Robot robot = h4().robot;
   robot.chain[1].base.x() = -3;
-  Joint q{0.5, 0.5, 0.5, 0.5}, x = robot.home;
+  Coordinates x = robot.home;
+  Joint q{0.5, 0.5, 0.5, 0.5};
   CHECK(fkm(robot, q, x).status == Status::unreachable);
   Vec3 D;
   CHECK(fkm_closed(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status == Status::unreachable);
@@ -51,7 +53,8 @@ TEST_EACH(for_each, "a telescopic leg has no negative and no zero length") {
   Joint q{};
   CHECK(ikm(mechanism.robot, mechanism.robot.home, q));
   for (const double factor : {-1.0, 0.0}) {
-    Joint wrong = q, all{}, x = mechanism.robot.home;
+    Coordinates x = mechanism.robot.home;
+    Joint wrong = q, all{};
     wrong[1] *= factor;
     for (int i = 0; i < n; ++i) all[i] = factor * q[i];
     const FkmResult result = fkm(mechanism.robot, wrong, x);
@@ -105,7 +108,8 @@ TEST("sphere centres on one line leave the closed form singular") {
 TEST("another assembly mode is a lost branch, not an answer") {
   // A Delta above its motors and a planar robot on the other side close the same loops.
   Robot robot = delta().robot;
-  Joint q{}, x{};
+  Coordinates x{};
+  Joint q{};
   CHECK(ikm(robot, robot.home, q));
   x = robot.home;
   x[2] = 0.9;
@@ -125,7 +129,8 @@ TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the 
     if (mechanism.robot.chain[i].actuator == Actuator::telescopic) continue;
     Robot other = mechanism.robot;
     other.chain[i].working_mode *= -1;
-    Joint q{}, x = mechanism.robot.home;
+    Coordinates x = mechanism.robot.home;
+    Joint q{};
     CHECK(ikm(other, other.home, q));
     other.chain[i].working_mode *= -1;
     const FkmResult result = fkm(other, q, x);
@@ -139,7 +144,8 @@ TEST_EACH(for_each, "a number that is not finite is told from one that is out of
   CHECK(ikm(robot, robot.home, good));
   for (int i = 0; i < n; ++i)
     for (const double bad : {kNan, kInf, -kInf}) {
-      Joint x = robot.home, q = good;
+      Coordinates x = robot.home;
+      Joint q = good;
       x[i] = bad;
       CHECK(ikm(robot, x, q).status == Status::not_finite);
       CHECK(fkm(robot, good, x).status == Status::not_finite);  // as a guess
@@ -159,10 +165,10 @@ TEST("beside a singularity, where Newton crawls, the forward model keeps its bou
   Robot robot = meeting_legs();
   robot.assembly_sign = 0;
   Joint q{};
-  CHECK(ikm(robot, Joint{}, q));
+  CHECK(ikm(robot, Coordinates{}, q));
   int iterations = 0;
   for (double turn = 1e-12; turn < 1; turn *= 1.1) {
-    Joint x{1e-3 * turn, -2e-3 * turn, turn};
+    Coordinates x{1e-3 * turn, -2e-3 * turn, turn};
     const FkmResult result = fkm(robot, q, x);
     iterations = std::max(iterations, result.iterations);
     check_honest(static_cast<bool>(result), x, 3);
@@ -177,8 +183,9 @@ TEST("a singular pose towards which the search crawls is called singular") {
   CHECK(finish(robot));
   check::Random random(22);
   for (int k = 0; k < 200; ++k) {
-    Joint q{}, x = robot.home;
-    CHECK(ikm(robot, Joint{0.05 * random(), 0.05 * random(), 0}, q));
+    Coordinates x = robot.home;
+    Joint q{};
+    CHECK(ikm(robot, Coordinates{0.05 * random(), 0.05 * random(), 0}, q));
     const FkmResult result = fkm(robot, q, x);
     CHECK(result.status == Status::singular && result.residual < 1e-9);
     for (int i = 0; i < 3; ++i) q[i] -= 0.01;  // shorter legs than any pose of the robot has?
@@ -194,7 +201,8 @@ TEST_EACH(
   check::Random random(23);
   long told = 0;
   for (long k = 0; k < check::sample_size(2000); ++k) {
-    Joint x = mechanism.robot.home, q{}, found{};
+    Coordinates x = mechanism.robot.home, found{};
+    Joint q{};
     for (int i = 0; i < n; ++i) {
       x[i] += 8 * mechanism.box[i] * random();
       found[i] = mechanism.robot.home[i] + 8 * mechanism.box[i] * random();
@@ -211,7 +219,8 @@ TEST("two rods that cannot meet are unreachable, whichever side of the four is t
   Joint good{};
   CHECK(ikm(robot, robot.home, good));
   for (const double length : {0.01, 5.0}) {
-    Joint q = good, x = robot.home;
+    Coordinates x = robot.home;
+    Joint q = good;
     q[0] = length;
     if (length < 1) q[1] = length;  // both at their own base points, farther apart than the pivots
     CHECK(fkm(robot, q, x).status == Status::unreachable);
@@ -219,7 +228,8 @@ TEST("two rods that cannot meet are unreachable, whichever side of the four is t
   for_each([](const Mechanism& mechanism) {  // and a Delta's three spheres, exactly
     if (mechanism.robot.mobility != Mobility::translation) return;
     Robot narrow = mechanism.robot;
-    Joint q{}, x = narrow.home;
+    Coordinates x = narrow.home;
+    Joint q{};
     CHECK(ikm(narrow, x, q));
     for (int i = 0; i < 3; ++i) narrow.chain[i].rod *= 0.2;
     CHECK(fkm(narrow, q, x).status == Status::unreachable);

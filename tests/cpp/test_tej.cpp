@@ -14,7 +14,7 @@ using reference::Dense;
 struct Explicit {
   Dense M, M_plus;
 };
-Explicit by_definition(const Robot& robot, const Joint& x) {
+Explicit by_definition(const Robot& robot, const Coordinates& x) {
   const Mobility K = robot.mobility;
   const int n = dof(K);
   JointMatrix J{};
@@ -48,7 +48,7 @@ TEST_EACH(for_each, "TEJ·M = I and TEJ = (MᵀWM)⁻¹MᵀW, for no, one and tw
         robot.r = r;
         robot.sensor[0].weight = weight;
         robot.sensor[1].weight = k % 2 == 0 ? weight : 1;
-        const Joint x = random_pose(mechanism, random);
+        const Coordinates x = random_pose(mechanism, random);
         ExtendedColumns M;
         ExtendedRows tej_;
         CHECK(tej(robot, x, M, tej_));

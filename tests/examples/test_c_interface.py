@@ -285,7 +285,7 @@ int main(void) {
   log.rows = ROWS;
   if (truepose_calibrate(&drawn, &h4_knowledge, mean, &log, &fit).status != TRUEPOSE_OK) return 3;
   truepose_with_parameters(&drawn, P, h4_column, value, &changed, sizeof changed);
-  truepose_real q[TRUEPOSE_FREEDOMS];
+  truepose_real q[TRUEPOSE_MOTORS];
   truepose_ikm(&changed, h4_finest.home, q);
   printf("%d %.17g\\n", (int)fit.used, fit.rms);
   for (int k = 0; k < P; ++k) printf("%.17g\\n", value[k]);

@@ -120,7 +120,7 @@ inline void spoil(Bytes& bytes, Chain& chain) {
 /// finite.
 struct Subject {
   Robot robot;
-  Joint box{};
+  Coordinates box{};
   bool buildable = true;
 };
 
@@ -173,8 +173,8 @@ inline Subject decode_robot(Bytes& bytes) {
 }
 
 /// In the workspace, beside it, far away, or no number at all.
-inline Joint decode_pose(Bytes& bytes, const Subject& subject) {
-  Joint x = subject.robot.home;
+inline Coordinates decode_pose(Bytes& bytes, const Subject& subject) {
+  Coordinates x = subject.robot.home;
   const int kind = bytes.below(4);
   for (int i = 0; i < dof(subject.robot.mobility); ++i) {
     if (kind == 3)

@@ -52,13 +52,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(
         all_finite(state.position, n) && all_finite(state.rate, n) && all_finite(state.desired, n),
         "control: the tracking loops are finite");
-    Joint acceleration{};
+    Coordinates acceleration{};
     if (forward_dynamics(robot, to_pose(K, setpoint.x), setpoint.rate, state.torque, acceleration))
       require(all_finite(acceleration, n), "dynamics: ok is finite");
   }
   Robot truth = robot;
   for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
-  Joint x{};
+  Coordinates x{};
   if (settle(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x, weighing))
     require(all_finite(x, n), "settle: ok is finite");
   return 0;

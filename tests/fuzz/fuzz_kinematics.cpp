@@ -10,7 +10,7 @@ namespace {
 using namespace fuzz;
 
 /// The motors of a pose that the forward model found are those it was given.
-void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
+void check_forward(const Robot& robot, const Joint& q, const Coordinates& x) {
   const Mobility K = robot.mobility;
   const Pose pose = to_pose(K, x);
   Closure closure;
@@ -35,7 +35,7 @@ void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
   require(outcome || outcome.status == Status::unreachable, "a pose that fkm found is a pose");
 }
 
-void check_pose(const Robot& robot, const Joint& x, double band) {
+void check_pose(const Robot& robot, const Coordinates& x, double band) {
   const Mobility K = robot.mobility;
   const int n = dof(K);
   Joint q{};
@@ -77,8 +77,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Bytes bytes(data, size);
   const Subject subject = decode_robot(bytes);
   const Robot& robot = subject.robot;
-  const Joint x = decode_pose(bytes, subject), q = decode_motors(bytes, subject);
-  Joint found = decode_pose(bytes, subject);
+  const Coordinates x = decode_pose(bytes, subject);
+  const Joint q = decode_motors(bytes, subject);
+  Coordinates found = decode_pose(bytes, subject);
   const double band = bytes.one_in(2) ? std::fabs(bytes.share()) : 0;
   Extended q_e{};
   for (int k = 0; k < robot.r; ++k) q_e[dof(robot.mobility) + k] = bytes.number();
@@ -90,7 +91,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(all_finite(found, dof(robot.mobility)), "fkm: ok is finite");
     if (subject.buildable) check_forward(robot, q, found);
   }
-  Joint estimate{};
+  Coordinates estimate{};
   if (redundant_fkm(robot, q_e, estimate))
     require(all_finite(estimate, dof(robot.mobility)), "redundant fkm: ok is finite");
   return 0;

@@ -1,6 +1,6 @@
 // Does any table that a C program may hand in, or any input after it, crash the C interface, or
 // make it call a NaN an answer?
-#include "../../src/c/description.hpp"
+#include "../../src/c/fields.hpp"
 #include "decode.hpp"
 
 namespace {
@@ -42,19 +42,24 @@ Values numbers(Bytes& bytes, const Values& around) {
 void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
   const int n = truepose_freedoms(&model), r = truepose_sensors(&model);
   const Coordinates x = numbers(bytes, drawn.home);
-  truepose_real q[6] = {}, back[6] = {}, q_e[16] = {}, J[36] = {}, tej[96] = {}, serial[6] = {};
+  truepose_real q[TRUEPOSE_MOTORS] = {}, back[TRUEPOSE_FREEDOMS] = {}, q_e[TRUEPOSE_READINGS] = {};
+  truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS] = {},
+                                      tej[TRUEPOSE_MOTORS * TRUEPOSE_READINGS] = {};
+  truepose_real serial[TRUEPOSE_MOTORS] = {};
   truepose_real parallel = 0;
   truepose_pose pose{};
-  if (answered(truepose_ikm(&model, x.data(), q))) finite(q, 6, "ikm: ok is finite");
+  if (answered(truepose_ikm(&model, x.data(), q))) finite(q, n, "ikm: ok is finite");
   std::copy_n(drawn.home.begin(), 6, back);
   const truepose_fkm_result found = truepose_fkm(&model, q, 1 + bytes.below(20), back);
   if (answered(found.outcome)) finite(back, 6, "fkm: ok is finite");
-  if (answered(truepose_readings(&model, x.data(), q_e))) finite(q_e, 16, "readings: ok is finite");
-  if (answered(truepose_jacobian(&model, x.data(), J))) finite(J, 36, "jacobian: ok is finite");
+  if (answered(truepose_readings(&model, x.data(), q_e)))
+    finite(q_e, n + r, "readings: ok is finite");
+  if (answered(truepose_jacobian(&model, x.data(), J)))
+    finite(J, TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS, "jacobian: ok is finite");
   if (answered(truepose_tej(&model, x.data(), 0.05 * bytes.below(2), tej)))
-    finite(tej, 96, "tej: ok is finite");
+    finite(tej, TRUEPOSE_MOTORS * TRUEPOSE_READINGS, "tej: ok is finite");
   if (answered(truepose_conditioning(&model, x.data(), &parallel, serial)))
-    finite(serial, 6, "conditioning: ok is finite");
+    finite(serial, n, "conditioning: ok is finite");
   if (answered(truepose_pose_of(&model, x.data(), &pose))) {
     scribble(bytes, pose);
     if (answered(truepose_coordinates_of(&model, &pose, back)))
@@ -65,14 +70,12 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
   }
 
   mechanisms::Prior prior(drawn);
-  truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
-  std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+  const auto known = c::converted<truepose_knowledge>(prior.known());
   const bool same = n == drawn.motors && r == drawn.r;  // columns and work are the drawn robot's
   std::vector<truepose_real> work(truepose_work(&model, known.count));
   truepose_control_settings control;
   truepose_control_defaults(&control);
-  truepose_fault_monitor_settings monitor;
-  c::describe(FaultTolerantSettings{}, monitor);
+  auto monitor = c::converted<truepose_fault_monitor_settings>(FaultMonitorSettings{});
   static_cast<void>(truepose_place_poles(&model, drawn.home.data(), 100, 1, &control));
   control.law = bytes.below(5);
   if (bytes.one_in(4)) scribble(bytes, control);
@@ -85,15 +88,15 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
   truepose_setpoint setpoint{};
   std::copy_n(drawn.home.begin(), 6, setpoint.x);
   for (int k = 0; k < 8; ++k) {
-    truepose_real read[16], torque[6] = {};
+    truepose_real read[TRUEPOSE_READINGS], torque[TRUEPOSE_MOTORS] = {};
     const Extended off = numbers(bytes, Extended{});
-    for (int c = 0; c < 16; ++c) read[c] = q_e[c] + off[static_cast<std::size_t>(c)];
+    for (int c = 0; c < kMaxReadings; ++c) read[c] = q_e[c] + off[static_cast<std::size_t>(c)];
     if (bytes.one_in(4)) scribble(bytes, setpoint);
     truepose_fault_report report;
     static_cast<void>(truepose_control_fault_tolerant(&model, nullptr, &controller, &fault_state,
                                                       &setpoint, read, &known, work.data(), torque,
                                                       &report));
-    finite(torque, 6, "torques are finite");
+    finite(torque, n, "torques are finite");
     for (int i = 0; i < n; ++i)
       if (const double limit = drawn.chain[i].torque_limit; limit > 0 && std::isfinite(limit))
         require(std::fabs(torque[i]) <= limit, "torques are within their limits");
@@ -114,7 +117,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   c::describe(subject.robot, table);
   if (bytes.one_in(2)) scribble(bytes, table);
   if (!answered(truepose_load(&model, sizeof model, &table))) {
-    truepose_real q[6];
+    truepose_real q[TRUEPOSE_MOTORS];
     require(truepose_ikm(&model, table.home, q).status == TRUEPOSE_UNFINISHED,
             "a table that was refused answers nothing");
     return 0;

@@ -33,7 +33,7 @@ def sigma_of(robot):
 
 
 def see(robot, base, marker, x):
-    return _core.seen(robot.core, base, marker, x, np.zeros_like(x))
+    return _core.seen(robot.core, base, marker, x, np.zeros_like(x))[:5]
 
 
 def measured(robot, base, marker, x, rng):

@@ -30,7 +30,9 @@ static int failed(truepose_outcome outcome) { return outcome.status > TRUEPOSE_O
 
 /* One pose of a robot. @return 0: no answer to something */
 static int ask(const vectors* v, int k, int n, int e, truepose_real worst[AGREE_QUESTIONS]) {
-  truepose_real x[6] = {0}, found[6 * 16], q[6] = {0}, q_e[16] = {0}, pose[6];
+  truepose_real x[TRUEPOSE_FREEDOMS] = {0}, found[TRUEPOSE_MOTORS * TRUEPOSE_READINGS];
+  truepose_real q[TRUEPOSE_MOTORS] = {0}, q_e[TRUEPOSE_READINGS] = {0}, pose[TRUEPOSE_FREEDOMS];
+  truepose_servo_cycle servo;
   const truepose_real* home = v->robot->home;
   truepose_estimate_result estimate;
   for (int i = 0; i < n; ++i) x[i] = v->x[k * n + i];
@@ -45,12 +47,13 @@ static int ask(const vectors* v, int k, int n, int e, truepose_real worst[AGREE_
   if (failed(truepose_readings(&model, x, found))) return 0;
   compare(v->readings + k * e, 1, e, found, e, 0, worst + AGREE_READINGS);
   if (failed(truepose_jacobian(&model, x, found))) return 0;
-  compare(v->jacobian + k * n * n, n, n, found, 6, 0, worst + AGREE_JACOBIAN);
+  compare(v->jacobian + k * n * n, n, n, found, TRUEPOSE_MOTORS, 0, worst + AGREE_JACOBIAN);
   if (failed(truepose_tej(&model, x, 0, found))) return 0;
-  compare(v->tej + k * n * e, n, e, found, 16, 0, worst + AGREE_TEJ);
+  compare(v->tej + k * n * e, n, e, found, TRUEPOSE_READINGS, 0, worst + AGREE_TEJ);
   const int32_t law = e > n ? TRUEPOSE_LAW_TEJ : TRUEPOSE_LAW_JOINT;
-  if (failed(truepose_motor_error(&model, law, 0, x, q_e, 0, 0, found))) return 0;
-  compare(v->error + k * n, 1, n, found, n, 1, worst + AGREE_ERROR); /* of readings of about 1 */
+  if (failed(truepose_servo(&model, law, 0, x, q_e, 0, 0, &servo))) return 0;
+  compare(v->error + k * n, 1, n, servo.error, n, 1,
+          worst + AGREE_ERROR); /* of readings of about 1 */
   if (!v->known) return 1;
   for (int i = 0; i < 6; ++i) pose[i] = home[i];
   estimate = truepose_estimate(&model, v->known, q_e, work, pose);

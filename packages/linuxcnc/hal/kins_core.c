@@ -109,7 +109,7 @@ static truepose_outcome screw_turns(truepose_kins* kins, const truepose_pose* po
 
 static truepose_outcome inverse(truepose_kins* kins, const truepose_real* axes,
                                 truepose_real* joints) {
-  truepose_real q[6];
+  truepose_real q[TRUEPOSE_MOTORS];
   truepose_pose pose;
   truepose_outcome outcome = pose_at(kins, axes, &pose);
   if (outcome.status <= TRUEPOSE_OK)
@@ -160,7 +160,7 @@ static truepose_fkm_result search(truepose_kins* kins, const truepose_real* join
   truepose_fkm_result result;
   int32_t iterations = 0;
   for (int round = 0; round < kScrewSteps; ++round) {
-    truepose_real q[6] = {0}, before[6], change = 0;
+    truepose_real q[TRUEPOSE_MOTORS] = {0}, before[6], change = 0;
     truepose_pose pose;
     memcpy(before, kins->screw.correction, sizeof before);
     for (int i = 0; i < kins->motors; ++i) q[i] = (joints[i] - before[i]) * kins->scale[i];

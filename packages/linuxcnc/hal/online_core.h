@@ -23,10 +23,10 @@ typedef struct truepose_pupil {
   /* state */
   truepose_online_calibrator learner;
   truepose_real memory[TRUEPOSE_LEARNS];
-  truepose_model next, next_finest;        /**< under construction */
-  truepose_real stands[TRUEPOSE_FREEDOMS]; /**< where the commands have been constant, */
-  truepose_real since;                     /**< for this time, s */
-  truepose_real x[TRUEPOSE_FREEDOMS];      /**< pose of the last accuracy estimate */
+  truepose_model next, next_finest;      /**< under construction */
+  truepose_real stands[TRUEPOSE_MOTORS]; /**< where the commands have been constant, */
+  truepose_real since;                   /**< for this time, s */
+  truepose_real x[TRUEPOSE_FREEDOMS];    /**< pose of the last accuracy estimate */
   int32_t fresh; /**< 1: the next cycle is to estimate the pose's accuracy */
   /* out */
   int64_t lines, left_out;  /**< used rows; rows that fit no pose or contradict the others */

@@ -12,7 +12,8 @@ static truepose_real counted(const truepose_plant* plant, int c, truepose_real r
 }
 
 truepose_outcome truepose_plant_begin(truepose_plant* plant, const truepose_description* robot,
-                                      truepose_real period, const truepose_real q[6]) {
+                                      truepose_real period,
+                                      const truepose_real q[TRUEPOSE_MOTORS]) {
   memset(plant, 0, sizeof *plant);
   truepose_outcome outcome = truepose_load(&plant->model, sizeof plant->model, robot);
   if (outcome.status > TRUEPOSE_OK) return outcome;
@@ -30,12 +31,12 @@ truepose_outcome truepose_plant_begin(truepose_plant* plant, const truepose_desc
   return outcome;
 }
 
-void truepose_plant_cycle(truepose_plant* plant, const truepose_real velocity[6],
+void truepose_plant_cycle(truepose_plant* plant, const truepose_real velocity[TRUEPOSE_MOTORS],
                           const int32_t fault[TRUEPOSE_READINGS],
                           const truepose_real size[TRUEPOSE_READINGS],
                           const truepose_real index[TRUEPOSE_READINGS],
                           int index_enable[TRUEPOSE_READINGS]) {
-  truepose_real q[6] = {0}, x[6], before[TRUEPOSE_READINGS];
+  truepose_real q[TRUEPOSE_MOTORS] = {0}, x[6], before[TRUEPOSE_READINGS];
   memcpy(x, plant->x, sizeof x);
   memcpy(before, plant->q_e, sizeof before);
   for (int i = 0; i < plant->motors; ++i) q[i] = plant->q[i] + plant->period * velocity[i];

@@ -18,7 +18,7 @@ typedef struct truepose_plant {
   int32_t motors, readings;
   int32_t coarse;                        /**< 1: readings are quantized */
   int32_t absolute[TRUEPOSE_READINGS];   /**< 1: absolute encoder, does not count from power-on */
-  truepose_real q[6];                    /**< the motors' true readings */
+  truepose_real q[TRUEPOSE_MOTORS];      /**< the motors' true readings */
   truepose_real x[6];                    /**< the true pose */
   truepose_real q_e[TRUEPOSE_READINGS];  /**< true readings */
   truepose_real zero[TRUEPOSE_READINGS]; /**< reading that each counts from */
@@ -29,13 +29,13 @@ typedef struct truepose_plant {
 /** @param q  motor positions at power-on, where the encoders count from
  * @return as truepose_load(), truepose_fkm() */
 truepose_outcome truepose_plant_begin(truepose_plant* plant, const truepose_description* robot,
-                                      truepose_real period, const truepose_real q[6]);
+                                      truepose_real period, const truepose_real q[TRUEPOSE_MOTORS]);
 /** Runs one cycle.
  * @param velocity      of the motors, rad/s or m/s
  * @param fault, size   of every reading
  * @param index         readings at the encoders' index
  * @param index_enable  in: requested; out: 0 where the index was just passed and is the new zero */
-void truepose_plant_cycle(truepose_plant* plant, const truepose_real velocity[6],
+void truepose_plant_cycle(truepose_plant* plant, const truepose_real velocity[TRUEPOSE_MOTORS],
                           const int32_t fault[TRUEPOSE_READINGS],
                           const truepose_real size[TRUEPOSE_READINGS],
                           const truepose_real index[TRUEPOSE_READINGS],

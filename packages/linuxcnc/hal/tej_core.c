@@ -124,7 +124,7 @@ static const truepose_knowledge* known(truepose_corrector* tej) {
 
 /** Error of a law; a new law or band restarts the controller's state. */
 static truepose_outcome error_of(truepose_corrector* tej, const truepose_corrector_input* input,
-                                 const truepose_real* q_e, truepose_real* e) {
+                                 const truepose_real* q_e, truepose_servo_cycle* cycle) {
   const int heavy = input->law == TRUEPOSE_LAW_WEIGHTED || input->law == TRUEPOSE_LAW_ESTIMATED;
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
   if (tej->begun != input->law + 1 || tej->band != input->band) {
@@ -140,8 +140,8 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
   if (outcome.status > TRUEPOSE_OK) return outcome;
   const truepose_model* robot = tej->learnt ? &tej->pupil.robot : &tej->model;
   if (heavy) robot = tej->learnt ? &tej->pupil.finest : &tej->pupil.drawn;
-  return truepose_controller_error(robot, &tej->controller, tej->x_d, q_e,
-                                   heavy ? known(tej) : NULL, heavy ? tej->work : NULL, e);
+  return truepose_controller_servo(robot, &tej->controller, tej->x_d, q_e,
+                                   heavy ? known(tej) : NULL, heavy ? tej->work : NULL, cycle);
 }
 
 /** Identifies the robot from readings at rest, if there is no fault. */
@@ -157,16 +157,16 @@ static void learn(truepose_corrector* tej, const truepose_corrector_input* input
 /** Computes the correction for the requested law. @return 0: none */
 static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e, truepose_real* correction) {
-  truepose_real e[6];
+  truepose_servo_cycle cycle;
   const truepose_fkm_result pose =
       truepose_fkm(&tej->commanded, input->q_d, TRUEPOSE_STEPS, tej->x_d);
   truepose_outcome outcome = pose.outcome;
-  if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, e);
+  if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, &cycle);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK)
     return fails(tej, TRUEPOSE_TEJ_UNSOLVED, outcome.status, outcome.part), 0;
   for (int i = 0; i < tej->motors; ++i) {
-    correction[i] = e[i] - tej->e_q[i];
+    correction[i] = cycle.error[i] - tej->e_q[i];
     if (!(fabs(correction[i]) <= input->largest[i]))
       return fails(tej, TRUEPOSE_TEJ_CORRECTION, TRUEPOSE_DISAGREE, i), 0;
   }
@@ -221,7 +221,7 @@ static truepose_real clamped(truepose_real value, truepose_real most) {
 /** Handles drives going off. Holds the correction, and the part of the drives' own error within
  * counts and noise, so that motion reads its last command. */
 static void hold(truepose_corrector* tej) {
-  truepose_real T[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS];
+  truepose_real T[TRUEPOSE_MOTORS * TRUEPOSE_READINGS];
   const truepose_description* robot = &tej->table.robot;
   memcpy(tej->held, tej->correction, sizeof tej->held);
   if (truepose_tej(&tej->model, tej->x_d, 0, T).status > TRUEPOSE_OK) return;
@@ -266,7 +266,7 @@ static void blend(truepose_corrector* tej, const truepose_corrector_input* input
 }
 
 static void correct(truepose_corrector* tej, const truepose_corrector_input* input) {
-  truepose_real q_e[TRUEPOSE_READINGS], asked[6] = {0}, seen[6] = {0};
+  truepose_real q_e[TRUEPOSE_READINGS], asked[TRUEPOSE_MOTORS] = {0}, seen[TRUEPOSE_MOTORS] = {0};
   const int readings = tej->motors + tej->sensors;
   const int starts = input->enable && !tej->enabled, ends = !input->enable && tej->enabled;
   int32_t law = TRUEPOSE_LAW_JOINT;

@@ -42,12 +42,13 @@ typedef struct truepose_corrector_input {
   truepose_real band;  /**< conditioning below which the law is damped */
   truepose_real blend; /**< s over which a change of the law takes effect */
   truepose_real chi2;  /**< largest accepted χ² of the readings once referenced; 0: any */
-  truepose_real largest[6];     /**< largest accepted correction, rad or m */
-  truepose_real speed[6];       /**< shell: largest of a motor, rad/s or m/s; 0: any */
-  truepose_real error_limit[6]; /**< shell: largest motor error, rad or m */
-  truepose_real zero[6];   /**< motion's motor offsets; a change means that the motor was homed */
-  truepose_real q_d[6];    /**< commands */
-  truepose_real torque[6]; /**< of the motors, as the drives measure it, N·m or N */
+  truepose_real largest[TRUEPOSE_MOTORS]; /**< largest accepted correction, rad or m */
+  truepose_real speed[TRUEPOSE_MOTORS];   /**< shell: largest of a motor, rad/s or m/s; 0: any */
+  truepose_real error_limit[TRUEPOSE_MOTORS]; /**< shell: largest motor error, rad or m */
+  truepose_real
+      zero[TRUEPOSE_MOTORS]; /**< motion's motor offsets; a change means that the motor was homed */
+  truepose_real q_d[TRUEPOSE_MOTORS];    /**< commands */
+  truepose_real torque[TRUEPOSE_MOTORS]; /**< of the motors, as the drives measure it, N·m or N */
   truepose_real q_e[TRUEPOSE_READINGS];
 } truepose_corrector_input;
 
@@ -70,25 +71,29 @@ typedef struct truepose_corrector {
   int32_t monitoring, enabled, observing;
   truepose_safety_shell shell;
   int32_t guarding, acknowledging;
-  truepose_real x_d[6];               /**< pose of the commands */
-  truepose_real zero[6], homed_by[6]; /**< motor offsets, and corrections when homed */
-  truepose_real held[6], at[6];       /**< of the last cycle with the drives on: correction, q */
-  int32_t questioned;                 /**< 1: the consistency of the readings is to be tested */
-  truepose_real led[6];  /**< by which the drives' loops have led the motors off their commands */
-  truepose_real from[6]; /**< difference from the earlier correction, ramped out */
-  truepose_real since;   /**< s since the law changed, */
-  int32_t changed;       /**< or its inputs, in this cycle */
+  truepose_real x_d[6]; /**< pose of the commands */
+  truepose_real zero[TRUEPOSE_MOTORS],
+      homed_by[TRUEPOSE_MOTORS]; /**< motor offsets, and corrections when homed */
+  truepose_real held[TRUEPOSE_MOTORS],
+      at[TRUEPOSE_MOTORS];             /**< of the last cycle with the drives on: correction, q */
+  int32_t questioned;                  /**< 1: the consistency of the readings is to be tested */
+  truepose_real led[TRUEPOSE_MOTORS];  /**< by which the drives' loops have led the motors off their
+                                          commands */
+  truepose_real from[TRUEPOSE_MOTORS]; /**< difference from the earlier correction, ramped out */
+  truepose_real since;                 /**< s since the law changed, */
+  int32_t changed;                     /**< or its inputs, in this cycle */
   /* out */
-  truepose_real error[6]; /**< output for the drives to reduce: (q_d - q) + correction */
-  truepose_real correction[6];
-  truepose_real e_q[6]; /**< q_d - q: the following error */
-  int32_t law;          /**< in effect */
-  int32_t fault;        /**< a truepose_corrector_fault; until reset, or the drives go on */
-  uint32_t lost;        /**< motors without reading or command, as bits: disable their amplifiers;
-                           all, once the shell stops them by brake */
-  int32_t stop;         /**< 1: the machine must stop along its path */
-  uint32_t doubted;     /**< readings that are not valid, as bits; among these */
-  uint32_t left_out;    /**< those that have failed: virtual readings substitute them */
+  truepose_real
+      error[TRUEPOSE_MOTORS]; /**< output for the drives to reduce: (q_d - q) + correction */
+  truepose_real correction[TRUEPOSE_MOTORS];
+  truepose_real e_q[TRUEPOSE_MOTORS]; /**< q_d - q: the following error */
+  int32_t law;                        /**< in effect */
+  int32_t fault;     /**< a truepose_corrector_fault; until reset, or the drives go on */
+  uint32_t lost;     /**< motors without reading or command, as bits: disable their amplifiers;
+                        all, once the shell stops them by brake */
+  int32_t stop;      /**< 1: the machine must stop along its path */
+  uint32_t doubted;  /**< readings that are not valid, as bits; among these */
+  uint32_t left_out; /**< those that have failed: virtual readings substitute them */
   truepose_outcome outcome;           /**< of this cycle's last call that was not ok */
   truepose_outcome reason;            /**< of the last fault; until reset */
   int32_t symptom[TRUEPOSE_READINGS]; /**< of failed readings; until reset */

@@ -30,14 +30,14 @@ static truepose_description robot;
 static int begun;
 
 static void begin_here(void) {
-  truepose_real q[6] = {0};
+  truepose_real q[TRUEPOSE_MOTORS] = {0};
   for (int i = 0; i < motors; ++i) q[i] = *pin->start[i] * scale[i];
   *pin->status = truepose_plant_begin(&plant, &robot, 1e-6 * period_us, q).status;
   begun = 1;
 }
 
 static void cycle(void* unused, long period) {
-  truepose_real velocity[6] = {0}, index[TRUEPOSE_READINGS], size[TRUEPOSE_READINGS];
+  truepose_real velocity[TRUEPOSE_MOTORS] = {0}, index[TRUEPOSE_READINGS], size[TRUEPOSE_READINGS];
   int32_t fault[TRUEPOSE_READINGS];
   int asks[TRUEPOSE_READINGS];
   if (!begun) begin_here();

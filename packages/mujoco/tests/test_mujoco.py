@@ -251,13 +251,13 @@ def test_one_second_of_free_motion_is_the_reduced_models(name, rng):
     truth = imperfect(tp.load(name), rng, turned=False)
     x, rate = truth.home, rng.normal(0, 0.03, truth.n)
     torque = holding_torque(truth, x)
-    end, _, status = _core.advance(truth.core, *map(padded, (x, rate, torque)), 1.0, 1000)
+    (end,), _, status, _ = _core.advance(truth.core, x, rate, torque, 1.0, 1000)
     assert status == 0
     body = Body(truth)
     body.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     Moving(truth, x, rate, torque, body)
     mujoco.mj_step(body.model, body.data, round(1 / body.model.opt.timestep))
-    half, _, _ = _core.advance(truth.core, *map(padded, (x, rate, torque)), 0.5, 500)
+    (half,), *_ = _core.advance(truth.core, x, rate, torque, 0.5, 500)
     assert np.abs(np.array([end, half])[:, : truth.n] - x).max() > 2e-3
     assert body.coordinates() == pytest.approx(np.array(end)[: truth.n], abs=10e-6)
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core
 from truepose.robot.knowledge import root
 from truepose_printers.robot_json import to_json
 
@@ -32,6 +31,6 @@ def test_a_page_gets_prior_means_values_and_covariance_at_the_highest_level(robo
     expected = root(robot, names)
     assert of["root"] == [row[: k + 1] for k, row in enumerate(expected.tolist())]
     assert of["sigma"] == robot.reading_sigma.tolist()
-    image = _core.c_description_bytes(robot.at_highest_level.core_drawn)
+    image = bytes(robot.at_highest_level.core_drawn)
     assert base64.b64decode(of["description"]) == image
     assert [each["name"] for each in of["readings"]] == list(robot.readings)

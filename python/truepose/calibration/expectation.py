@@ -63,7 +63,7 @@ def expect(
         stiff = robot.stiff
     x = poses_of(stiff, readings[:, :n], level)
     expected = stiff.extended_positions(x, errors="nan", level=level)
-    residual = np.asarray(_core.innovation(robot.core, readings, expected))[:, n:]
+    residual = _core.innovation(robot.core, readings, expected)[0][:, n:]
     expected = expected[:, n:]
     names = knowledge.learnable(robot)
     H_x, by_geometry = knowledge.linearized(robot, x, names, "nan", level)

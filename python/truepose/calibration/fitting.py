@@ -151,7 +151,7 @@ def _fit_upright(problem: Problem) -> Calibration:
         covariance=covariance,
         prior_covariance=root @ root.T,
         x=answer.x[told],
-        residuals=np.asarray(_core.innovation(robot.core, shown, expected))[told],
+        residuals=_core.innovation(robot.core, shown, expected)[0][told],
         chi2=answer.chi2[told],
         redundancy=answer.redundancy[told],
         weights=answer.weights[told],

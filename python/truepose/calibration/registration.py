@@ -133,7 +133,7 @@ class Registered:
     def see(self, robot: Robot, x: Array, measured: Array | None = None) -> View:
         """Predict the tracker's measurements at poses (N, n)."""
         measured = np.full_like(x, np.nan) if measured is None else measured
-        return View(*_core.seen(robot.core, self.base, self.marker, x, measured))
+        return View(*_core.seen(robot.core, self.base, self.marker, x, measured)[:5])
 
     @classmethod
     def exact(cls, base: Array, marker: Array, parameters: int) -> Registered:
@@ -293,7 +293,7 @@ def rows_of(
     H_xi = H_xi if acting is None else np.concatenate([H_xi, acting], axis=2)
     noise = knowledge.stated_sigma(robot, robot.level) ** 2
     expected = robot.extended_positions(x, level=robot.level)
-    off = np.asarray(_core.innovation(robot.core, readings, expected))
+    off = _core.innovation(robot.core, readings, expected)[0]
     rows = []
     for k in range(len(x)):
         read, told = np.isfinite(readings[k]), np.isfinite(known[k])

@@ -23,9 +23,7 @@ def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return the core's settings of :func:`clock`, with the controller's :func:`sensitivity`."""
     late = clock(robot, period)
     if late is not None:
-        whole = np.zeros((_core.max_sensors, 6))
-        whole[: robot.r, : robot.n] = sensitivity(robot)
-        late.sensitivity = whole.tolist()
+        late.sensitivity = np.pad(sensitivity(robot), ((0, 0), (0, 6 - robot.n)))
     return late
 
 
@@ -50,7 +48,7 @@ def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
     if max(every) <= 1 and max(age) == 0:
         return None
     late = _core.MultirateSettings()
-    late.every, late.age = every, age
+    late.every, late.age, late.period = every, age, period
     return late
 
 

@@ -12,7 +12,6 @@ from truepose.control.controller import Controller, OwnLaw, law_name
 from truepose.control.linear import gain_inertia
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
-from truepose.robotfile.to_core import padded
 
 
 def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
@@ -32,7 +31,7 @@ def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], 
     n = robot.n
 
     def error(x_d: list[float], q_e: list[float]) -> list[float]:
-        return padded(motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[: n + robot.r])))
+        return motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[: n + robot.r]))
 
     return error
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -18,7 +17,6 @@ from truepose.robot.laws import usual
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.robotfile.schema import Chain
-from truepose.robotfile.to_core import padded
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 
@@ -143,21 +141,21 @@ class SafetyShell:
                 raise InputError(
                     f"box: must be lowest and highest coordinates, shape (2, {robot.n})"
                 )
-            core.box_low, core.box_high = padded(box[0]), padded(box[1])
+            core.box_low, core.box_high = box[0], box[1]
         result = SafetyLimits(robot, core, self.counter, frozenset(given))
         result._require_consistent()
         return result
 
-    def _value(self, name: str, robot: Robot, default: object) -> object:
+    def _value(self, name: str, robot: Robot, default: ArrayLike) -> object:
         value = getattr(self, name)
-        if not isinstance(default, Sequence):
+        if np.ndim(default) == 0:
             return value
         motors = numbers_of(value, name)
         if motors.shape not in ((), (robot.n,)) or not ((motors > 0) & (motors < np.inf)).all():
             raise InputError(
                 f"{name} = {value}: must be a finite number greater than 0, or {robot.n} of them"
             )
-        return padded(np.broadcast_to(motors, robot.n))
+        return np.broadcast_to(motors, robot.n)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,14 +185,14 @@ class SafetyLimits(Shown):
         rows = []
         for name, (kind, derived) in _ROWS.items():
             value = getattr(self.core, name)
-            if isinstance(value, Sequence):
+            if np.ndim(value):
                 motors = self.motors(name)
                 alike = np.ptp(motors) <= 1e-6 * motors[0]
                 text = ", ".join(number(v) for v in (motors[:1] if alike else motors))
                 cell = Cell(text, {f"motor {k}": float(v) for k, v in enumerate(motors, 1)})
             else:
                 cell = Cell(f"{value:g}", {"value": value})
-            unit = _unit(kind, units[0]) if isinstance(value, Sequence) else kind
+            unit = _unit(kind, units[0]) if np.ndim(value) else kind
             source = "given" if name in self.given else derived
             rows.append([Cell(f"{name} ({unit})", {"limit": name, "unit": unit}), cell, source])
         title = f"{self.robot.name}: limits of the safety shell"

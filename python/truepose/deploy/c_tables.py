@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from importlib.metadata import version
+from itertools import groupby
+from typing import Any
 
 import numpy as np
 
-from truepose import _core, files
+from truepose import files
+from truepose.arguments import Array
 from truepose.control import delays
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
@@ -23,8 +26,6 @@ KIND = "C tables"
 _WIDE = 6
 #: Assumed control cycle without a controller, s, for multirate and delayed sensors.
 _PERIOD = 1e-3
-
-Listed = list[tuple[str, float | list[float]]]
 
 
 def identifier(name: str) -> str:
@@ -73,16 +74,13 @@ def to_c(
     parts += [_description(f"{name}_finest", finest)] if two else []
     parts += [_knowledge(name, robot)] if robot.r else []
     if controller is not None:
-        control = _core.c_control(controller.settings(robot, robot.home))
-        about = "size, law, gains, feed_forward, sigma_scale"
-        parts.append(_settings(name, "control", about, *control))
+        parts.append(_settings(name, "control", controller.settings(robot, robot.home)))
         if robot.r and monitor is not None:
             setup = monitor.setup(robot, controller)
-            about = "size, refresh, coast, decide, spikes, within"
-            parts.append(_settings(name, "fault_monitor", about, *_core.c_fault_monitor(setup)))
+            parts.append(_settings(name, "fault_monitor", setup.monitor))
     period = controller.period if controller else _PERIOD
     late = delays.settings(robot, period)
-    parts += [_multirate(name, late, period)] if late else []
+    parts += [_settings(name, "multirate", late)] if late else []
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
     used = f"weighted laws and the fault monitor need {weighs}" if robot.r else "no sensors"
@@ -93,90 +91,83 @@ def to_c(
         " * m, rad, kg, s, N, N·m. */\n"
         f"#ifndef {guard}\n#define {guard}\n\n"
         '#include <math.h>\n\n#include "truepose/truepose.h"\n\n'
-        f"#if TRUEPOSE_ABI != {_core.c_abi}\n"
-        f"#error These tables are of version {_core.c_abi} of truepose.h\n#endif\n\n"
+        f"#if TRUEPOSE_ABI != {robot.core.abi}\n"
+        f"#error These tables are of version {robot.core.abi} of truepose.h\n#endif\n\n"
     )
     return head + "\n".join(parts) + "\n#endif\n"
 
 
-def _number(value: float) -> str:
-    return repr(float(value)).replace("inf", "INFINITY")
-
-
-def _numbers(values: Iterable[float], indent: str = "    ") -> str:
+def _numbers(values: Array, indent: str = "    ") -> str:
     """Return an initializer, over several lines if needed; trailing zeros are left out."""
-    texts = [_number(value) for value in values]
-    while len(texts) > 1 and texts[-1] == "0.0":
+    if values.ndim == 0:
+        return repr(float(values)).replace("inf", "INFINITY")
+    if values.ndim > 1:
+        return "{" + f",\n{indent} ".join(_numbers(row, indent) for row in values) + "}"
+    texts = [repr(value).replace("inf", "INFINITY") for value in values.tolist()]
+    while len(texts) > 1 and texts[-1] in ("0", "0.0"):
         texts.pop()
     lines = [", ".join(texts[k : k + _WIDE]) for k in range(0, len(texts), _WIDE)]
     return "{" + f",\n{indent} ".join(lines) + "}"
 
 
-def _rows(listed: Listed, indent: str) -> str:
-    shown = ((n, _numbers(v, indent) if isinstance(v, list) else _number(v)) for n, v in listed)
-    return "\n".join(f"{indent}{text}, /* {name} */" for name, text in shown)
+def _members(struct: Any, kind: str, indent: str) -> str:
+    """Return the members of one of the core's structs, whole numbers on one line."""
+    own = {"abi": "TRUEPOSE_ABI", "size": f"sizeof(truepose_{kind})", "unused": "0"}
+    members = [(name, own.get(name, getattr(struct, name))) for name in struct.fields]
+    lines = []
+    for whole, of in groupby(members, lambda member: isinstance(member[1], (int, str))):
+        rows = [(name, str(v) if whole else _numbers(np.array(v), indent)) for name, v in of]
+        if whole:
+            rows = [tuple(map(", ".join, zip(*rows, strict=True)))]
+        lines += [f"{indent}{text}, /* {name} */" for name, text in rows]
+    return "\n".join(lines)
 
 
-def _whole(values: Sequence[int]) -> str:
-    return ", ".join(map(str, values))
-
-
-def _parts(rows: Iterable[tuple[str, str]]) -> str:
-    """Return an array of structures, each given by its comment and its contents."""
-    shown = ",\n".join(f"  {{ /* {comment} */\n{contents}\n  }}" for comment, contents in rows)
+def _parts(kind: str, parts: Iterable[tuple[str, Any]]) -> str:
+    """Return an array of structures, each with its name."""
+    shown = ",\n".join(
+        f"  {{ /* {kind} {name} */\n{_members(part, kind, '    ')}\n  }}" for name, part in parts
+    )
     return "  {" + shown.lstrip() + "}"
 
 
 def _description(name: str, robot: Robot) -> str:
-    tables, parts = _core.c_description(robot.core), []
-    for kind in ("chain", "sensor", "body"):
-        names = [*robot.sensors, "none"] if kind == "sensor" else range(1, len(tables[kind]) + 1)
-        rows = [
-            (f"{kind} {part}", f"    {_whole(counts)},\n{_rows(listed, '    ')}")
-            for part, (counts, listed) in zip(names, tables[kind], strict=False)
-        ]
-        parts.append(_parts(rows))
-    axes = zip(robot.spec.passive_axis, tables["axis"], strict=True)
-    shown = [(f"axis {axis.name}", _rows(listed, "    ")) for axis, (_, listed) in axes]
-    parts.append(_parts(shown or [("axis none", "    {0.0}, {0.0}, 0.0, 0.0,")]))
-    counts, listed = tables["head"]
+    core = robot.core
+    parts = [
+        _parts("chain", ((str(k + 1), core.chain(k)) for k in range(core.chains))),
+        _parts("sensor", ((s, core.sensor(k)) for k, s in enumerate([*robot.sensors] or ["none"]))),
+        _parts("body", ((str(k + 1), core.body(k)) for k in range(max(core.bodies, 1)))),
+        _parts(
+            "axis",
+            (
+                (axis, core.axis(j))
+                for j, axis in enumerate([a.name for a in robot.spec.passive_axis] or ["none"])
+            ),
+        ),
+    ]
     return (
         f"static const truepose_description {name} = {{\n"
-        f"  TRUEPOSE_ABI, sizeof(truepose_description),\n"
-        f"  {_whole(counts)}, /* mobility, chains, motors, sensors, bodies, bar_joint, "
-        "level */\n"
-        f"{_rows(listed, '  ')}\n" + ",\n".join(parts) + "\n};\n"
+        f"{_members(core, 'description', '  ')}\n" + ",\n".join(parts) + "\n};\n"
     )
 
 
 def _knowledge(name: str, robot: Robot) -> str:
-    columns, root, sigma = _core.c_knowledge(knowledge(robot).core)
-    count = len(columns)
+    known = knowledge(robot).core
+    count, columns, root = len(known.column), known.column, known.root
     if not count:  # C has no arrays of nothing
         columns, root = [0], np.zeros((1, 1))
-    values = _numbers(np.asarray(root).ravel().tolist(), "   ")
+    values = _numbers(root.ravel(), "   ")
     return (
         f"/* Uncertain parameters: {', '.join(uncertain(robot)) or 'none'}. */\n"
-        f"static const int32_t {name}_column[] = {{{_whole(columns)}}};\n"
+        f"static const int32_t {name}_column[] = {_numbers(np.array(columns))};\n"
         f"static const truepose_real {name}_root[{count or 1} * {count or 1}] =\n   {values};\n"
         f"static const truepose_knowledge {name}_knowledge = {{\n"
-        f"  {count}, 0, {name}_column, {name}_root,\n  {_numbers(sigma)} /* sigma */\n}};\n"
+        f"  {count}, {name}_column, {name}_root,\n  {_numbers(known.sigma)} /* sigma */\n}};\n"
     )
 
 
-def _settings(name: str, kind: str, about: str, counts: Sequence[int], listed: Listed) -> str:
+def _settings(name: str, kind: str, settings: Any) -> str:
     return (
         f"static const truepose_{kind}_settings {name}_{kind} = {{\n"
-        f"  sizeof(truepose_{kind}_settings), {_whole(counts[1:])}, /* {about} */\n"
-        f"{_rows(listed, '  ')}\n}};\n"
-    )
-
-
-def _multirate(name: str, late: _core.MultirateSettings, period: float) -> str:
-    sensitivity = ",\n   ".join(map(_numbers, late.sensitivity))
-    return (
-        f"static const truepose_multirate_settings {name}_multirate = {{\n"
-        f"  sizeof(truepose_multirate_settings), 0, /* size, stamped */\n"
-        f"  {{{_whole(late.every)}}}, /* every */\n  {{{_whole(late.age)}}}, /* age */\n"
-        f"  {_number(period)}, /* period */\n  {{{sensitivity}}} /* sensitivity */\n}};\n"
+        f"{_members(settings, f'{kind}_settings', '  ')}\n}};\n"
     )

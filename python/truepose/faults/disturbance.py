@@ -13,7 +13,6 @@ from truepose.arguments import finite, numbers_of, positive, require_all
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-from truepose.robotfile.to_core import padded
 
 DisturbanceKind = Literal["payload", "friction", "contact"]
 #: Kinds by the core's number: :attr:`Simulation.disturbance`.
@@ -114,7 +113,7 @@ def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.E
             if force.shape != (robot.n,):
                 said = f"must be {robot.n} finite numbers, one of every coordinate"
                 raise InputError(f"contact: force = {disturbance.force}: {said}")
-            event.force = padded(force)
+            event.force = force
         events.append(event)
     return events
 

@@ -19,7 +19,6 @@ from truepose.robot import knowledge
 from truepose.robot.batches import as_rows
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import samples_or_home
-from truepose.robotfile.to_core import padded
 from truepose.show.charts import lines
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table
@@ -41,6 +40,8 @@ _SHAKES = 0.2
 _TORQUE = 0.25
 #: Tolerance of a motor's reading beyond its stops, rad or m.
 _BEYOND = 0.05
+#: Settings that are the core's of the same names.
+_OWN = ("coast", "spikes", "within", "decide", "replaceable", "memory", "stop", "stop_lost")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,16 +134,14 @@ class FaultMonitor:
         finest = robot.at_highest_level
         moved, rests = _moved(robot, controller, self.effects)
         monitor = _core.FaultMonitorSettings()
-        for name in ("coast", "spikes", "within", "decide", "replaceable", "memory"):
+        for name in _OWN:
             setattr(monitor, name, getattr(self, name))
         monitor.period, monitor.false_alarm = controller.period, chance
         monitor.kp = [controller.frequency**2] * 6
         monitor.kd = [2 * controller.damping * controller.frequency] * 6
-        monitor.rests, monitor.shaken = padded(rests), padded(_shaken(robot, controller))
-        monitor.fastest, monitor.moved, monitor.low, monitor.high = (
-            np.pad(of, (0, 16 - len(of))).tolist()
-            for of in (_fastest(finest), moved, *_range(robot))
-        )
+        monitor.rests, monitor.shaken = rests, _shaken(robot, controller)
+        monitor.fastest, monitor.moved = _fastest(finest), moved
+        monitor.low, monitor.high = _range(robot)
         effects, warm_up = self.effects or Effects(), self.warm_up
         if warm_up is None:
             warm_up = self.effects.warm_up if self.effects else 0.0
@@ -153,7 +152,7 @@ class FaultMonitor:
         momentum = _core.default_momentum(robot.core, start)[0]  # off without torque limits
         momentum.carry = self.carry
         settings.momentum = momentum
-        settings.monitor, settings.stop, settings.stop_lost = monitor, self.stop, self.stop_lost
+        settings.monitor = monitor
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
         return _core.FaultTolerantSetup(finest.core, known, settings, slow)

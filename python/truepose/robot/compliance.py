@@ -22,7 +22,6 @@ from truepose.arguments import Array, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot.description import Description
 from truepose.robotfile.base import ARMS, COMMON, is_compliance
-from truepose.robotfile.to_core import padded
 
 #: Maximum fixed-point steps; each shrinks by about the strain and the tension's rate of change.
 STEPS = 50
@@ -110,7 +109,7 @@ def under_load(
     tension = np.full((len(x), robot.n), np.nan) if tension is None else tension
     chains, arms = np.split(of_all(robot) if compliance is None else compliance, 2)
     x, tension = np.ascontiguousarray(x), np.ascontiguousarray(tension)
-    by = padded(chains), padded(arms)
+    by = chains, arms
     return UnderLoad(*_core.under_load(core or robot.core, x, *by, force, tension, full))
 
 

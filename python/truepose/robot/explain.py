@@ -9,7 +9,6 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
-from truepose.robotfile.to_core import padded
 
 #: Index of each coordinate in a twist [velocity; angular velocity].
 _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
@@ -50,11 +49,11 @@ def full_level(robot: _core.Robot) -> FullLevel:
 def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
     """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
     status, chain = failure
-    home = padded(spec.home)
+    home = list(spec.home)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
     words += f", chain {chain + 1}" if chain >= 0 else ""
     if status == _core.unreachable:
-        gap = _core.shortfall(robot, home, chain)
+        gap = _core.shortfall(robot, home, chain)[0][0]
         words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
     elif status == _core.joint_limit:
         words += f"{'' if chain < 0 else ':'} {beyond(robot, spec, np.array(spec.home), chain)}"
@@ -65,7 +64,7 @@ def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> st
     elif status == _core.singular and spec.passive_axis:
         words += f": {_not_turned(robot, spec, home)}"
     elif status == _core.singular:
-        rows, _ = _core.rod_rows(robot, home)
+        rows = _core.rod_rows(robot, home)[0][0]
         free = _not_held(rows, [name for name, _ in spec.coordinates])
         words += f": the chains do not constrain the platform against {free}"
     return words
@@ -90,7 +89,7 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     for (axis, (p, a)), (other, (o, b)) in itertools.combinations(lines, 2):
         if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
             return f"axes {axis.name} and {other.name} coincide"
-    rows, _ = _core.rod_rows(robot, home)
+    rows = _core.rod_rows(robot, home)[0][0]
     for i in range(spec.n):
         if np.abs(rows[i]).max() <= _HELD * np.abs(rows).max():
             return f"chain {i + 1}: its rod runs through every axis, or along it: no torque"

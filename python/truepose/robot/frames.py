@@ -11,13 +11,13 @@ from truepose.robot.description import Description
 def rotation(vector: ArrayLike) -> Array:
     """Compute exp([v]×), shape (..., 3, 3), of rotation vectors v, shape (..., 3)."""
     vector = np.asarray(vector, dtype=float)
-    return np.asarray(_core.rotations(_rows(vector, 3))).reshape(*vector.shape, 3)
+    return _core.rotations(_rows(vector, 3))[0].reshape(*vector.shape, 3)
 
 
 def rotation_vector(R: ArrayLike) -> Array:
     """Invert :func:`rotation`, with an angle of at most π: shape (..., 3)."""
     R = np.asarray(R, dtype=float)
-    return np.asarray(_core.rotation_vectors(_rows(R, 9))).reshape(R.shape[:-1])
+    return _core.rotation_vectors(_rows(R, 9))[0].reshape(R.shape[:-1])
 
 
 def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
@@ -31,7 +31,7 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
     turn = np.zeros((*x.shape[:-1], 3))
     if tilt is not None:
         turn[..., : np.shape(tilt)[-1]] = tilt
-    frame = np.asarray(_core.frames(robot.core, _rows(x, robot.n), _rows(turn, 3)))
+    frame = _core.frames(robot.core, _rows(x, robot.n), _rows(turn, 3))[0]
     return frame.reshape(*x.shape[:-1], 4, 4)
 
 
@@ -47,7 +47,7 @@ def coordinates(robot: Description, frame: ArrayLike) -> Array:
     """
     frame = np.asarray(frame, dtype=float)
     D, R = _rows(frame[..., :3, 3], 3), _rows(frame[..., :3, :3], 9)
-    x = np.asarray(_core.coordinates(robot.core, D, R))
+    x = _core.coordinates(robot.core, D, R)[0]
     return x.reshape(*frame.shape[:-2], robot.n)
 
 

@@ -14,7 +14,7 @@ from truepose.robot import compliance
 from truepose.robot.batches import as_row, at_poses, flattened, require_answers
 from truepose.robot.description import Description
 from truepose.robotfile.base import is_compliance
-from truepose.robotfile.to_core import columns, padded
+from truepose.robotfile.to_core import columns
 
 
 class Conditioning(NamedTuple):
@@ -242,9 +242,7 @@ class Kinematics(Description):
         that carries A (A itself where there is no bar).
         """
         x = as_row(self, x, "x")
-        points, status, chain = _core.skeleton(self.core, padded(x))
-        require_answers(self, "pose", x[None], (), np.array([status]), np.array([chain]), "raise")
-        return points
+        return at_poses(self, x, "raise", _core.skeleton)[0]
 
     def linearize(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None

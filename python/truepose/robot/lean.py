@@ -129,7 +129,7 @@ def effect(robot: Robot, x: Array, lean: Array, implied: Array) -> Effect:
             _leaning(robot, x[moved] + step, ahead[moved]),
             _leaning(robot, x[moved] - step, behind[moved]),
         )
-        change = np.asarray(_core.innovation(robot.core, *reads))
+        change = _core.innovation(robot.core, *reads)[0]
         reading[moved, :, k] = np.nan_to_num(change / (2 * STEP))
     return Effect(pose, inclined, reading)
 

@@ -14,6 +14,5 @@ def passive_axes(core: _core.Robot, x: ArrayLike) -> Array:
         axis = core.axis(j)
         place = place + R @ axis.origin
         found.append((place, R @ axis.direction))
-        vector = np.asarray(x, dtype=float)[j] * np.array([axis.direction])
-        R = R @ np.asarray(_core.rotations(vector)).reshape(3, 3)
+        R = R @ _core.rotations(np.asarray(x, dtype=float)[j] * axis.direction)[0][0]
     return np.array(found).reshape(-1, 2, 3)

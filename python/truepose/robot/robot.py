@@ -18,7 +18,7 @@ from truepose.robot.batches import as_row, at_poses, flattened, require_answers
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
-from truepose.robotfile.to_core import padded, units_in
+from truepose.robotfile.to_core import units_in
 from truepose.show.page import as_uri
 from truepose.show.results import Shown, figure_of
 from truepose.show.table import Cell, Table
@@ -125,7 +125,7 @@ class Robot(Dynamics, Shown):
         """
         q = as_row(self, q, "q")
         whole("starts", starts, 1, 1_000_000)
-        return AssemblyModes(*_core.assembly_modes(self.core, padded(q), starts, check_seed(seed)))
+        return AssemblyModes(*_core.assembly_modes(self.core, q, starts, check_seed(seed)))
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
         """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).
@@ -211,7 +211,7 @@ class Robot(Dynamics, Shown):
         def residual(x: Array) -> tuple[Array, Array]:
             stiff = self.stiff.extended_positions(x, "nan", level)
             by = compliance.given_way(self, x, full).readings if self.is_compliant else 0.0
-            return stiff, np.asarray(_core.innovation(self.core, rows, stiff + by))
+            return stiff, _core.innovation(self.core, rows, stiff + by)[0]
 
         for _ in range(REFINED):  # by readings that agree on the step of the optimal gain
             stiff, off = residual(x)

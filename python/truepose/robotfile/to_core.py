@@ -133,12 +133,6 @@ def file_key(kind: type[SensorSection], core: str) -> str:
     return f"{key}.{component}" if key else ""
 
 
-def padded(values: Iterable[float]) -> list[float]:
-    """Return values of chains or coordinates in the core's form: six, the rest 0."""
-    given = list(map(float, values))
-    return given + [0.0] * (6 - len(given))
-
-
 def encoder_step(chain: Chain) -> float:
     """One count of a motor encoder, rad or m; 0 if unquantized."""
     if not chain.encoder_counts:
@@ -156,7 +150,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
-        turned = np.asarray(_core.rotations(np.array([[0.0, 0.0, theta]]))).reshape(3, 3)
+        turned = _core.rotations([0.0, 0.0, theta])[0][0]
         A += turned @ _hinge(spec.bar[chain.bar - 1])
     across = np.cross(chain.axis, A - chain.base)
     length = float(np.linalg.norm(across))
@@ -175,7 +169,7 @@ def build(spec: RobotFile) -> _core.Robot:
     robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
-    robot.home = padded(spec.home)
+    robot.home = spec.home
     robot.bar_joint = getattr(_core.BarJoint, spec.platform.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
@@ -183,7 +177,8 @@ def build(spec: RobotFile) -> _core.Robot:
         keys = {"origin": "origin", "direction": "direction"}
         robot.set_axis(j, _filled(_core.PassiveAxis(), axis, keys))
     for sensor in spec.used:
-        robot.add_sensor(_build_sensor(spec, sensor))
+        robot.set_sensor(robot.sensors, _build_sensor(spec, sensor))
+        robot.sensors += 1
     platform = spec.platform
     inertia = (platform.inertia_x, platform.inertia_y, platform.inertia_z)
     add_body(robot, platform.mass, platform.centre, inertia)
@@ -205,7 +200,8 @@ def add_body(
     body = _core.Body()
     body.mass, body.pivot, body.bar = mass, np.array(centre), bar
     body.inertia = np.diag(inertia)
-    robot.add_body(body)
+    robot.set_body(robot.bodies, body)
+    robot.bodies += 1
 
 
 def _hinge(bar: Bar) -> Array:
@@ -230,7 +226,7 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.pivot, built.anchor = _hinge(spec.bar[chain.bar - 1]), built.pivot
         built.bar = chain.bar - 1
     built.encoder_step = encoder_step(chain) * spec.quantized
-    built.set_eccentricity(chain.eccentricity, 1.0)
+    built.eccentricity = chain.eccentricity
     if spec.mobility in PAIRED:  # two rods
         built.rod_spacing = chain.rod_spacing
         built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
@@ -243,7 +239,7 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     built.kind = getattr(_core.SensorKind, sensor.kind)
     built.step = sensor.step * spec.quantized
     if isinstance(sensor, Encoder):
-        built.set_eccentricity(sensor.eccentricity, sensor.gear)
+        built.eccentricity, built.gear = sensor.eccentricity, sensor.gear
     built.bar = (getattr(sensor, "bar", None) or 0) - 1
     if sensor.kind == "axis_angle":
         built.axis = sensor.axis - 1

@@ -24,7 +24,6 @@ from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
-from truepose.robotfile.to_core import padded
 from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.run import Run
 
@@ -83,7 +82,7 @@ def prepare(
     shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     belief = (believed.core, truth.core, gains, known)
     first = (*belief, plant, filtered, wrong, fault_setup, slow, events)
-    last = (steps, padded(at_rest[0]), check_seed(seed))
+    last = (steps, at_rest[0], check_seed(seed))
     return Prepared(truth, (*first, shell), last, limits)
 
 

@@ -65,20 +65,20 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
             f"{robot.name}: a sensor has `sample_period` or `latency`, which LinuxCNC's components "
             "do not support: choose other sensors (--sensors)"
         )
-    blocks = {b"robt": _core.c_description_bytes(robot.core)}
+    blocks = {b"robt": bytes(robot.core)}
     if robot.r:
-        column, root, sigma = _core.c_knowledge(knowledge(robot).core)
-        if len(column) > _PARAMETERS:
+        known = knowledge(robot).core
+        if len(known.column) > _PARAMETERS:
             raise InputError(
-                f"{robot.name}: {len(column)} uncertain parameters; LinuxCNC's components hold "
-                f"{_PARAMETERS}: choose fewer sensors (--sensors)"
+                f"{robot.name}: {len(known.column)} uncertain parameters; LinuxCNC's components "
+                f"hold {_PARAMETERS}: choose fewer sensors (--sensors)"
             )
         blocks |= {
-            b"fine": _core.c_description_bytes(robot.at_highest_level.core),
-            b"wtch": _core.c_fault_monitor_bytes(monitor.setup(robot, controller)),
-            b"sigm": np.asarray(sigma, dtype=float).tobytes(),
-            b"colm": np.asarray(column, dtype=np.int32).tobytes(),
-            b"root": np.asarray(root, dtype=float).tobytes(),
+            b"fine": bytes(robot.at_highest_level.core),
+            b"wtch": bytes(monitor.setup(robot, controller).monitor),
+            b"sigm": known.sigma.tobytes(),
+            b"colm": np.array(known.column, dtype=np.int32).tobytes(),
+            b"root": known.root.tobytes(),
         }
     rows = [name + struct.pack("=I", len(block)) + block for name, block in blocks.items()]
     return b"truepose" + b"".join(rows)

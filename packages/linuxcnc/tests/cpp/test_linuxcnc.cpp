@@ -2,7 +2,7 @@
 #include <limits>
 #include <memory>
 
-#include "src/c/description.hpp"
+#include "src/c/fields.hpp"
 #include "tests/cpp/mechanisms.hpp"
 
 extern "C" {
@@ -23,7 +23,7 @@ truepose_description table_of(const Robot& robot) {
   return table;
 }
 
-using Correction = std::array<truepose_real, 6>;
+using Correction = std::array<truepose_real, TRUEPOSE_MOTORS>;
 double apart(const Correction& a, const Correction& b) {
   double largest = 0;
   for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::fabs(a[i] - b[i]));
@@ -41,7 +41,7 @@ struct Loop {
     CHECK(truepose_corrector_begin(corrector.get(), &commanded, kPeriod).status == TRUEPOSE_OK);
     truepose_description machine = table_of(robot);
     machine.chain[n - 1].rod += longer;
-    truepose_real q[6];
+    truepose_real q[TRUEPOSE_MOTORS];
     CHECK(truepose_ikm(&corrector->model, machine.home, q).status == TRUEPOSE_OK);
     CHECK(truepose_plant_begin(plant.get(), &machine, kPeriod, q).status == TRUEPOSE_OK);
     plant->coarse = 0;
@@ -65,7 +65,7 @@ struct Loop {
   double run(int cycles, const truepose_real* speed = nullptr) {
     double step = 0;
     for (int k = 0; k < cycles; ++k) {
-      truepose_real velocity[6] = {}, before[6];
+      truepose_real velocity[TRUEPOSE_MOTORS] = {}, before[TRUEPOSE_MOTORS];
       int asks[kMaxReadings] = {};
       const truepose_real none[kMaxReadings] = {};
       for (int i = 0; i < n && speed != nullptr; ++i) in.q_d[i] += kPeriod * speed[i];
@@ -115,12 +115,12 @@ struct Loop {
     std::copy_n(known.column, known.count, table.column);
     std::copy_n(known.root, known.count * known.count, table.root);
     std::copy_n(known.sigma.begin(), kMaxReadings, table.known.sigma);
-    c::describe(FaultTolerantSettings{}, table.monitor);
+    table.monitor = c::converted<truepose_fault_monitor_settings>(FaultMonitorSettings{});
   }
 
   /// To a pose, in so many cycles. @return as run()
   double go(const Coordinates& x, int cycles = 200) {
-    truepose_real q[6] = {}, speed[6] = {};
+    truepose_real q[TRUEPOSE_MOTORS] = {}, speed[TRUEPOSE_MOTORS] = {};
     CHECK(truepose_ikm(&corrector->commanded, x.data(), q).status == TRUEPOSE_OK);
     for (int i = 0; i < n; ++i) speed[i] = (q[i] - in.q_d[i]) / (cycles * kPeriod);
     return run(cycles, speed);
@@ -150,7 +150,7 @@ double ramp(double correction) { return 1.875 * correction * kPeriod / 0.2; }
 
 TEST("joints of a pose lead back to it, in machine units, and other axes pass") {
   check::Random random(1);
-  for_each([&](const Mechanism& mechanism, auto) {
+  for_each([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
     CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
@@ -160,7 +160,7 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
     CHECK(truepose_kins_extras(kins.get(), "w"));
     for (int k = 0; k < 20; ++k) {
       const Coordinates x = random_pose(mechanism, random, 0.5);
-      truepose_real q[6], axes[9] = {}, joints[9] = {}, found[9] = {};
+      truepose_real q[TRUEPOSE_MOTORS], axes[9] = {}, joints[9] = {}, found[9] = {};
       CHECK(truepose_ikm(&kins->model, x.data(), q).status == TRUEPOSE_OK);
       for (int i = 0; i < kins->motors; ++i) joints[i] = q[i] / kins->scale[i];
       joints[kins->motors] = 7;
@@ -183,13 +183,13 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
 
 TEST("the forward model starts from the axes it is given, wherever the robot was before") {
   check::Random random(4);
-  for_each([&](const Mechanism& mechanism, auto) {
+  for_each([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
     CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
     for (int k = 0; k < 100; ++k) {
       const Coordinates x = random_pose(mechanism, random, 1.0);
-      truepose_real q[6], joints[9] = {}, axes[9] = {}, near[9];
+      truepose_real q[TRUEPOSE_MOTORS], joints[9] = {}, axes[9] = {}, near[9];
       if (truepose_ikm(&kins->model, x.data(), q).status > TRUEPOSE_OK) continue;
       for (int i = 0; i < kins->motors; ++i) joints[i] = q[i] / kins->scale[i];
       std::copy_n(x.data(), 6, kins->guess);  // this is where it is
@@ -207,7 +207,7 @@ TEST("the forward model starts from the axes it is given, wherever the robot was
     const auto refusal = kins->refusal;
     for (int i = 0; i < 9; ++i) axes[i] = 0;
     std::copy_n(table.home, 6, kins->guess);
-    truepose_real q[6];
+    truepose_real q[TRUEPOSE_MOTORS];
     CHECK(truepose_ikm(&kins->model, table.home, q).status == TRUEPOSE_OK);
     for (int i = 0; i < kins->motors; ++i) joints[i] = q[i] / kins->scale[i];
     CHECK(truepose_kins_forward(kins.get(), joints, axes) <= TRUEPOSE_OK);
@@ -229,11 +229,11 @@ TEST("under a law of redundant sensors the pose that they see is right, and no m
     CHECK(std::fabs(loop.plant->x[3] - mechanism.robot.home[3]) < by_motors / 8);
     CHECK(loop.largest_correction() > 1e-3);
     CHECK(step < 1.2 * ramp(loop.largest_correction()));
-    truepose_real e[6];  // at rest: what the law itself says of these readings
-    CHECK(truepose_motor_error(&loop.corrector->model, law, 0, loop.corrector->x_d,
-                               loop.plant->read, nullptr, nullptr, e)
+    truepose_servo_cycle cycle;  // at rest: the law's own error of these readings
+    CHECK(truepose_servo(&loop.corrector->model, law, 0, loop.corrector->x_d, loop.plant->read,
+                         nullptr, nullptr, &cycle)
               .status == TRUEPOSE_OK);
-    for (const truepose_real error : e) CHECK_NEAR(error, 0, 1e-9);
+    for (const truepose_real error : cycle.error) CHECK_NEAR(error, 0, 1e-9);
   }
 }
 
@@ -287,7 +287,7 @@ TEST("motors that move while off are seen by motion, and are not pulled back") {
   loop.run(1000);
   loop.off(10);
   loop.in.enable = 0;
-  const truepose_real speed[6] = {0.2, 0.2, 0.2, 0.2}, none[kMaxReadings] = {};
+  const truepose_real speed[TRUEPOSE_MOTORS] = {0.2, 0.2, 0.2, 0.2}, none[kMaxReadings] = {};
   int asks[kMaxReadings] = {};
   for (int k = 0; k < 100; ++k) {  // by hand
     for (int i = 0; i < loop.n; ++i) loop.in.q_d[i] = loop.feedback(i);
@@ -369,7 +369,7 @@ TEST("a sensor that stops is said, and what it corrected is held and ramped out"
   loop.in.law = TRUEPOSE_LAW_TEJ;
   loop.run(1000);
   const double correction = loop.largest_correction();
-  const truepose_real speed[6] = {0.1, 0.1, 0.1, 0.1};
+  const truepose_real speed[TRUEPOSE_MOTORS] = {0.1, 0.1, 0.1, 0.1};
   loop.fault[loop.n] = TRUEPOSE_PLANT_MISSING;
   CHECK(loop.run(100, speed) < 1.2 * ramp(correction));
   CHECK(loop.corrector->fault == TRUEPOSE_TEJ_READING);
@@ -436,7 +436,7 @@ TEST("of encoders the one that freezes in mid-move is named, and no motor that a
     CHECK(loop.corrector->left_out == 0 && loop.corrector->fault == 0);
     for (int j = 0; j < 3; ++j) x[j] += 0.03 * random();
     x[3] -= std::copysign(0.3, x[3]);
-    truepose_real q[6] = {}, speed[6] = {};
+    truepose_real q[TRUEPOSE_MOTORS] = {}, speed[TRUEPOSE_MOTORS] = {};
     CHECK(truepose_ikm(&loop.corrector->commanded, x.data(), q).status == TRUEPOSE_OK);
     for (int i = 0; i < loop.n; ++i) speed[i] = (q[i] - loop.in.q_d[i]) / 1.5;
     loop.run(500, speed);
@@ -635,7 +635,7 @@ TEST("a motor that is not heard, or not told, asks for its amplifier to go off")
 }
 
 TEST("inside the shell a machine switches on and off as without, and what stops it must be reset") {
-  for_each([](const Mechanism& mechanism, auto) {
+  for_each([](const Mechanism& mechanism) {
     if (mechanism.robot.r == 0) return;
     const int n = mechanism.robot.motors;
     const std::uint32_t all = bit(n) - 1;
@@ -747,7 +747,7 @@ TEST("a sensor that counts from power-on is known from where its index was") {
   loop.plant->absolute[loop.n] = 0;
   int asks[kMaxReadings] = {};
   const truepose_real at[kMaxReadings] = {0, 0, 0, 0, 0.05}, none[kMaxReadings] = {};
-  const truepose_real speed[6] = {0.1, 0.1, -0.05, 0.05};
+  const truepose_real speed[TRUEPOSE_MOTORS] = {0.1, 0.1, -0.05, 0.05};
   CHECK(truepose_index_cycle(&index, 0, &asks[loop.n]) == 0 && asks[loop.n] == 0);
   int known = 0;
   for (int k = 0; k < 400 && !known; ++k) {
@@ -762,7 +762,7 @@ TEST("encoders count, freeze and jump as they are told") {
   Loop loop(h4().robot);
   loop.plant->robot.sensor[0].step = 1e-3;
   loop.plant->coarse = 1;
-  const truepose_real speed[6] = {0.1, 0.1, -0.05, 0.05};
+  const truepose_real speed[TRUEPOSE_MOTORS] = {0.1, 0.1, -0.05, 0.05};
   loop.run(50, speed);
   const double read = loop.plant->read[loop.n];
   CHECK(std::fabs(read - loop.plant->x[3]) <= 0.5001e-3);

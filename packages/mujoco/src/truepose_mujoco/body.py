@@ -12,7 +12,6 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
-from truepose.robotfile.to_core import padded
 from truepose_mujoco.mechanism import Posture
 from truepose_mujoco.mjcf import TIMESTEP, Model
 
@@ -86,8 +85,8 @@ class Body:
 
     def readings(self, theta: float = 0.0) -> Array:
         """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
-        motor, arm = map(padded, self.positions())
-        psi = padded(self.data.qpos[self.bars])[: _core.max_bars]
+        motor, arm = self.positions()
+        psi = self.data.qpos[self.bars][: _core.max_bars]
         frame = self.frame()
         bodies = self.robot.core, frame[:3, 3], frame[:3, :3]
         q_e, _ = _core.readings(*bodies, psi, theta, motor, arm)

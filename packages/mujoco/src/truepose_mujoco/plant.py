@@ -21,7 +21,6 @@ from truepose.faults.monitor import FaultMonitor
 from truepose.robot import knowledge
 from truepose.robot.batches import as_rows, flattened
 from truepose.robot.robot import Robot
-from truepose.robotfile.to_core import padded
 from truepose.simulation.plants import Visit
 from truepose.simulation.preparation import unanswered
 from truepose.threads import each
@@ -165,9 +164,8 @@ class _Drive:
 
     def _step(self, end: Array, now: float, sensed: Array, **more: Any) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
-        core, ends = self.believed.core, (padded(self.at), padded(end))
-        setpoint = _core.setpoint(core, *ends, self.plant.duration, now)
-        q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
+        core, q_e = self.believed.core, sensed
+        setpoint = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.n, q_e)
         cycle = core, self.settings, *setpoint, q_e, self.known, self.bus

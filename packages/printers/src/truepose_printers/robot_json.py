@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from truepose import _core, files
+from truepose import files
 from truepose.calibration.learnt import mean_of
 from truepose.commands.export import Out, put, say_stiff
 from truepose.commands.options import Force, RobotName, SensorsOption, load_with
@@ -31,13 +31,12 @@ def to_json(robot: Robot) -> str:
     """
     names = require_uncertain(robot)
     finest = robot.at_highest_level
-    columns, root, sigma = _core.c_knowledge(knowledge(finest, error=False).core)
-    mean, box = mean_of(robot)[list(columns)], robot.spec.workspace
+    known, drawn = knowledge(finest, error=False).core, finest.core_drawn
+    mean, box = mean_of(robot)[known.column], robot.spec.workspace
     places = robot.spec.home if box is None else (box.minimum, box.maximum)
     low, high = np.broadcast_to(places, (2, robot.n))
     margin = 0.05 * (low >= high)  # a file without a workspace
     readings = zip(robot.readings, reading_units(robot), strict=True)
-    chains = _core.c_description(finest.core_drawn)["chain"]
     content: dict[str, Any] = {
         "format": files.mark(KIND),
         "name": robot.name,
@@ -47,17 +46,18 @@ def to_json(robot: Robot) -> str:
         "home": list(robot.spec.home),
         "workspace": {"minimum": (low - margin).tolist(), "maximum": (high + margin).tolist()},
         "chains": [
-            {"actuator": whole[0]} | {name: dict(of)[name] for name in _SHAPE}
-            for whole, of in chains
+            {"actuator": chain.actuator}
+            | {name: np.asarray(getattr(chain, name)).tolist() for name in _SHAPE}
+            for chain in map(drawn.chain, range(drawn.chains))
         ],
         "parameters": [
             {"name": name, "unit": unit_of(robot, name), "column": column, "mean": expected}
             | {"value": robot.parameters[name].value}
-            for name, column, expected in zip(names, columns, mean.tolist(), strict=True)
+            for name, column, expected in zip(names, known.column, mean.tolist(), strict=True)
         ],
-        "root": [row[: k + 1] for k, row in enumerate(np.asarray(root).tolist())],
-        "sigma": list(sigma[: robot.n + robot.r]),
-        "description": base64.b64encode(_core.c_description_bytes(finest.core_drawn)).decode(),
+        "root": [row[: k + 1] for k, row in enumerate(known.root.tolist())],
+        "sigma": known.sigma[: robot.n + robot.r].tolist(),
+        "description": base64.b64encode(bytes(drawn)).decode(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -1,0 +1,184 @@
+// The members of the structs of truepose.h that are the core's, by name: one table for each.
+//
+// The core's structs begin with the same members in the same places, which is checked here at
+// compile time: the C interface copies them as bytes. By the tables Python reads and writes every
+// member, `truepose export c` writes constants in C, and a robot's numbers are checked.
+#pragma once
+
+#include <cstddef>
+#include <cstring>
+#include <span>
+
+#include "c/each.hpp"
+#include "control/fault_tolerant_control.hpp"
+#include "control/joints.hpp"
+#include "control/safe_control.hpp"
+#include "control/start_test.hpp"
+#include "estimation/estimate.hpp"
+#include "truepose/truepose.h"
+
+namespace truepose::c {
+enum class Numbers : int { real, whole, flag };  ///< Real, four bytes, bool
+
+/// A member: a number, or an array of one or two dimensions.
+struct Field {
+  const char* name;
+  int offset;
+  Numbers numbers;
+  int rows = 0, columns = 0;  ///< 0: not in this dimension
+
+  constexpr int count() const { return (rows ? rows : 1) * (columns ? columns : 1); }
+  constexpr int width() const {
+    return numbers == Numbers::real ? sizeof(Real) : numbers == Numbers::whole ? 4 : 1;
+  }
+};
+
+/// A struct's table, and the size of the struct in C.
+struct Table {
+  std::span<const Field> fields;
+  int size;
+};
+
+namespace fields_detail {
+template <class T>
+struct Shape {
+  static constexpr int rows = 0, columns = 0;
+  using Number = T;
+};
+template <class T, std::size_t N>
+struct Shape<T[N]> : Shape<T> {
+  static constexpr int rows = N, columns = Shape<T>::rows;
+};
+template <class T, std::size_t N>
+struct Shape<std::array<T, N>> : Shape<T[N]> {};
+
+template <class T>
+constexpr Field field(const char* name, std::size_t offset) {
+  using S = Shape<T>;
+  using Number = typename S::Number;
+  static_assert(std::is_same_v<Number, Real> || std::is_same_v<Number, bool> ||
+                sizeof(Number) == 4);
+  return {name, static_cast<int>(offset),
+          std::is_same_v<Number, Real>   ? Numbers::real
+          : std::is_same_v<Number, bool> ? Numbers::flag
+                                         : Numbers::whole,
+          S::rows, S::columns};
+}
+
+/// All members but Eccentricity, which is two of C's: gear and eccentricity.
+void numbers(const auto& member)
+  requires(!std::is_same_v<std::remove_cvref_t<decltype(member)>, Eccentricity>);
+
+/// Whether the members follow each other, with no room for another one between them, to `end`.
+constexpr bool complete(std::span<const Field> fields, std::size_t end) {
+  int at = 0;
+  for (const Field& field : fields) {
+    if (field.offset < at || field.offset - at >= field.width()) return false;
+    at = field.offset + field.count() * field.width();
+  }
+  return at == static_cast<int>(end);
+}
+}  // namespace fields_detail
+
+template <class Core>
+struct Described;
+template <class Core>
+inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size};
+
+#define TRUEPOSE_FIELD(C, Core, member) \
+  fields_detail::field<decltype(C::member)>(#member, offsetof(C, member)),
+// Members that the core names differently are between two that it does not.
+#define TRUEPOSE_SAME_PLACE(C, Core, member)                                                       \
+  static_assert([]<class T>(T*) {                                                                  \
+    if constexpr (requires(T core) { fields_detail::numbers(core.member); })                       \
+      return offsetof(T, member) == offsetof(C, member) && sizeof(T::member) == sizeof(C::member); \
+    else                                                                                           \
+      return true;                                                                                 \
+  }(static_cast<Core*>(nullptr)));
+// TRUEPOSE_TABLE(C, Core, end, a, b, …): all members of C up to `end` bytes.
+#define TRUEPOSE_TABLE(C, Core, end, ...)                                                    \
+  template <>                                                                                \
+  struct Described<Core> {                                                                   \
+    using type = C;                                                                          \
+    static constexpr Field fields[] = {TRUEPOSE_EACH(TRUEPOSE_FIELD, C, Core, __VA_ARGS__)}; \
+    static constexpr int size = sizeof(C);                                                   \
+  };                                                                                         \
+  static_assert(std::is_trivially_copyable_v<Core> && sizeof(C) <= sizeof(Core));            \
+  static_assert(fields_detail::complete(Described<Core>::fields, end));                      \
+  TRUEPOSE_EACH(TRUEPOSE_SAME_PLACE, C, Core, __VA_ARGS__)
+
+TRUEPOSE_TABLE(truepose_chain, Chain, sizeof(truepose_chain), actuator, working_mode, bar, unused,
+               base, axis, zero, pivot, anchor, pair_axis, pair_drawn, arm, rod, rod_spacing,
+               rod_difference, encoder_offset, encoder_gain, encoder_buildup, gear, eccentricity,
+               encoder_step, encoder_noise, low, high, torque_limit, drive_inertia, arm_mass,
+               rod_mass, viscous, coulomb)
+TRUEPOSE_TABLE(truepose_sensor, Sensor, sizeof(truepose_sensor), kind, chain, at_nacelle, rod, bar,
+               axis, gain, offset, gear, eccentricity, step, noise, weight, origin, direction,
+               target, normal)
+TRUEPOSE_TABLE(truepose_body, Body, sizeof(truepose_body), bar, unused, mass, pivot, anchor,
+               inertia)
+TRUEPOSE_TABLE(truepose_axis, PassiveAxis, sizeof(truepose_axis), origin, direction, low, high)
+TRUEPOSE_TABLE(truepose_description, Robot, offsetof(truepose_description, chain), abi, size,
+               mobility, chains, motors, sensors, bodies, bar_joint, level, unused, gravity, home)
+TRUEPOSE_TABLE(truepose_control_settings, ControlSettings, sizeof(truepose_control_settings), size,
+               law, gains, feed_forward, sigma_scale, unused, period, velocity_bandwidth,
+               damped_below, lead_out, kp, kd, ki)
+TRUEPOSE_TABLE(truepose_fault_monitor_settings, FaultMonitorSettings,
+               sizeof(truepose_fault_monitor_settings), size, refresh, coast, decide, spikes,
+               within, period, false_alarm, replaceable, correlation, stop, stop_lost, held,
+               fastest, moved, kp, kd, rests, shaken, low, high, growth, memory)
+TRUEPOSE_TABLE(truepose_momentum_settings, MomentumSettings, sizeof(truepose_momentum_settings),
+               size, carry, period, bandwidth, alarm, share, named, kept, window, over, sigma, give)
+TRUEPOSE_TABLE(truepose_multirate_settings, MultirateSettings, sizeof(truepose_multirate_settings),
+               size, stamped, every, age, period, sensitivity)
+TRUEPOSE_TABLE(truepose_safety_limits, SafetyLimits, sizeof(truepose_safety_limits), size, window,
+               age, counter_bits, period, saturation, clipped, missing, held, stop, brake,
+               standstill, torque, slew, tracking, deviation, speed, count, still, kp, kd, rests,
+               low, high, box_low, box_high)
+TRUEPOSE_TABLE(truepose_start_settings, StartSettings, sizeof(truepose_start_settings), size, pairs,
+               motion, radius, pulse, settle, brake_opens, inertia, weight, false_alarm, friction)
+TRUEPOSE_TABLE(truepose_servo_cycle, ServoCycle, sizeof(truepose_servo_cycle), q_d, error, J, tej,
+               x)
+TRUEPOSE_TABLE(truepose_axis_state, AxisState, sizeof(truepose_axis_state), position, velocity,
+               torque)
+TRUEPOSE_TABLE(truepose_setpoint, Setpoint, sizeof(truepose_setpoint), x, rate, acceleration)
+TRUEPOSE_TABLE(truepose_path_clock, PathClock, sizeof(truepose_path_clock), time, rate, slowing,
+               since)
+TRUEPOSE_TABLE(truepose_disturbance, DisturbanceReport, sizeof(truepose_disturbance), kind, motor,
+               refused, size, sigma, chi2, force)
+TRUEPOSE_TABLE(truepose_safety_report, SafetyReport, sizeof(truepose_safety_report), state, cause,
+               part, refused, causes, brakes, follows, unused, path_stop, torque)
+TRUEPOSE_TABLE(truepose_start_report, StartReport, sizeof(truepose_start_report), state, finding,
+               part, other, candidates, exchangeable, brakes, motor, torque, scale, sigma)
+
+// Parts of a robot are arrays of the structs above.
+static_assert(offsetof(truepose_description, sensor) == offsetof(Robot, sensor) &&
+              offsetof(truepose_description, body) == offsetof(Robot, body) &&
+              offsetof(truepose_description, axis) == offsetof(Robot, axis) &&
+              sizeof(truepose_chain) == sizeof(Chain) &&
+              sizeof(truepose_sensor) == sizeof(Sensor) && sizeof(truepose_body) == sizeof(Body) &&
+              sizeof(truepose_axis) == sizeof(PassiveAxis));
+static_assert(sizeof(truepose_axis_command) == sizeof(AxisCommand) &&
+              sizeof(truepose_estimate_result) == sizeof(Estimate) &&
+              sizeof(truepose_fkm_result) == sizeof(FkmResult) &&
+              sizeof(truepose_knowledge) == sizeof(Knowledge));
+
+/// A struct of the core as one of truepose.h, or back: its bytes, as many as both have.
+template <class To, class From>
+To converted(const From& from) {
+  static_assert(std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
+  To to;
+  std::memcpy(static_cast<void*>(&to), &from, std::min(sizeof to, sizeof from));
+  return to;
+}
+
+/// Writes a robot, finished or nominal, as its description.
+void describe(const Robot& robot, truepose_description& description);
+
+/// Whether all numbers of a struct are finite.
+bool finite(const void* of, const Table& table);
+template <class Core>
+bool finite(const Core& of) {
+  return finite(&of, table_of<Core>);
+}
+}  // namespace truepose::c

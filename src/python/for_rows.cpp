@@ -1,0 +1,103 @@
+#include "python/for_rows.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <exception>
+#include <system_error>
+#include <thread>
+#if defined(__linux__)
+#include <sched.h>
+#endif
+
+namespace truepose::python {
+bool take_numbers(nb::handle from, double* to, std::size_t capacity) noexcept {
+  try {
+    if (from.is_none()) return false;
+    const auto numbers = nb::cast<nb::ndarray<const double, nb::c_contig, nb::device::cpu>>(
+        nb::module_::import_("numpy").attr("ascontiguousarray")(from, "double"));
+    if (numbers.size() > capacity) return false;
+    std::fill(std::copy_n(numbers.data(), numbers.size(), to), to + capacity, 0.0);
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+namespace {
+/// Number of cores for this process: fewer than the machine has under taskset or in a container.
+std::size_t available_cores() {
+#if defined(__linux__)
+  cpu_set_t cores;
+  if (sched_getaffinity(0, sizeof cores, &cores) == 0) return CPU_COUNT(&cores);
+#endif
+  return std::max(1U, std::thread::hardware_concurrency());
+}
+}  // namespace
+
+void for_rows(std::size_t count, const std::function<void(std::size_t)>& f,
+              std::size_t rows_per_thread) {
+  const nb::gil_scoped_release release;
+  const std::size_t threads = std::min(available_cores(), count / rows_per_thread);
+  const std::size_t few = std::max<std::size_t>(1, rows_per_thread / 16);
+  std::atomic<std::size_t> next = 0;
+  const auto work = [&](auto&& between) {
+    for (std::size_t start; (start = next.fetch_add(few)) < count;) {
+      for (std::size_t i = start; i < std::min(start + few, count); ++i) f(i);
+      between();
+    }
+  };
+  std::vector<std::thread> others;
+  others.reserve(threads);
+  while (others.size() + 1 < threads) try {
+      others.emplace_back(work, [] {});
+    } catch (const std::system_error&) {  // without a further thread the existing ones do the work
+      break;
+    }
+  std::exception_ptr stopped;
+  try {
+    work(Signals{});
+  } catch (...) {
+    stopped = std::current_exception();
+    next = count;
+  }
+  for (std::thread& other : others) other.join();
+  if (stopped) std::rethrow_exception(stopped);
+}
+
+void for_rows_in_order(std::size_t count, const std::function<void(std::size_t)>& f) {
+  const nb::gil_scoped_release release;
+  Signals signals;
+  for (std::size_t i = 0; i < count; ++i) {
+    f(i);
+    signals();
+  }
+}
+
+nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
+                const std::function<Outcome(std::size_t, const std::vector<double*>&)>& f,
+                std::size_t rows_per_thread) {
+  std::vector<Owned<double>> arrays;
+  for (Shape shape : shapes) {
+    shape.insert(shape.begin(), count);
+    arrays.emplace_back(shape);
+  }
+  Outcomes outcomes(count);
+  for_rows(
+      count,
+      [&](std::size_t i) {
+        std::vector<double*> out;
+        for (Owned<double>& array : arrays) out.push_back(array[i]);
+        const Outcome outcome = f(i, out);
+        outcomes.set(i, outcome);
+        for (std::size_t m = 0; m < out.size() && !outcome; ++m)
+          std::fill_n(out[m], arrays[m].width, NAN);
+      },
+      rows_per_thread);
+  nb::list result;
+  for (Owned<double>& array : arrays) result.append(array.release());
+  result.append(outcomes.status.release());
+  result.append(outcomes.chain.release());
+  return nb::tuple(result);
+}
+}  // namespace truepose::python

@@ -1,0 +1,413 @@
+// Functions over rows of arrays for Python: one table, without the interpreter's lock.
+#include <cmath>
+#include <string>
+
+#include "calibration/bound.hpp"
+#include "calibration/calibrate.hpp"
+#include "control/command.hpp"
+#include "control/fastest.hpp"
+#include "control/trajectory.hpp"
+#include "mechanism/angles_of.hpp"
+#include "mechanism/full_rkm.hpp"
+#include "mechanism/gyro.hpp"
+#include "python/for_rows.hpp"
+#include "python/known.hpp"
+#include "simulation/plant.hpp"
+#include "simulation/statics.hpp"
+#include "simulation/stretch.hpp"
+
+namespace truepose::python {
+namespace {
+/// What all rows of a call have in common.
+struct Common {
+  const Robot* robot = nullptr;
+  const Known* known = nullptr;
+  int n = 0, e = 0;   ///< freedoms, readings
+  bool full = false;  ///< the first flag: the level of the model
+  Kernels model;
+};
+
+/// Arguments of a function over rows, of each kind in Python's order. None counts as not given.
+struct Call : Common {
+  std::vector<Rows> in;  ///< (N, width); one row where Python gives a vector
+  std::vector<bool> flag;
+  std::vector<double> number;
+  std::vector<Shape> shapes;  ///< of the results' rows
+};
+
+/// One row of a call.
+struct Row : Common {
+  const Call& call;
+  std::size_t i;
+  const std::vector<double*>& out;
+
+  template <class Vector>
+  Vector of(std::size_t k) const {
+    const Rows& rows = call.in[k];
+    return row<Vector>(rows, rows.shape(0) == 1 ? 0 : i);
+  }
+  Coordinates x(std::size_t k = 0) const { return of<Coordinates>(k); }
+  Pose pose(std::size_t k = 0) const { return to_pose(robot->mobility, x(k)); }
+  Mat3 rotation(std::size_t k) const { return of<Mat3>(k).transpose(); }
+  double* work() const { return scratch(estimate_work(*robot, known->view().count)).data(); }
+  /// Writes result m: a vector, a whole matrix, or the used part of one.
+  template <class Values>
+  void give(std::size_t m, const Values& values) const {
+    if constexpr (requires { values[0][0]; }) {
+      double* to = out[m];
+      for (std::size_t line = 0; line < call.shapes[m][0]; ++line)
+        to = std::copy_n(values[line].begin(), call.shapes[m][1], to);
+    } else {
+      std::size_t count = 1;
+      for (const std::size_t extent : call.shapes[m]) count *= extent;
+      std::copy_n(values.data(), count, out[m]);
+    }
+  }
+};
+
+/// A function of a pose's coordinates with one result, at either level.
+template <class Result, Outcome (*ideal)(const Robot&, const Coordinates&, Result&),
+          Outcome (*full)(const Robot&, const Coordinates&, Result&) = ideal>
+Outcome of_x(const Row& r) {
+  Result result{};
+  const Outcome outcome = (r.full ? full : ideal)(*r.robot, r.x(), result);
+  r.give(0, result);
+  return outcome;
+}
+
+/// A function. `shapes` of its results' rows, a word each: n freedoms, e readings, r sensors, p
+/// parameters, d = 2 n, c = 1 + n, h hidden motions, g of a registration; - a number.
+struct RowFunction {
+  const char* name;
+  const char* shapes;
+  Outcome (*at)(const Row&);
+  std::size_t rows_per_thread = kRowsPerThread;
+  std::size_t over = 0;  ///< which array's rows they are
+};
+
+Influences influences_at(const Row& r, std::size_t k) {
+  if (r.call.in.size() <= k) return {};
+  const std::size_t width = r.call.in[k].shape(1);
+  return {static_cast<int>(width) / r.e, r.call.in[k].data() + r.i * width};
+}
+
+Registration registration_of(const Row& r) {
+  const auto frame = [&](std::size_t k) {
+    const Rows& T = r.call.in[k];
+    return Frame{
+        {T(0, 3), T(1, 3), T(2, 3)},
+        Mat3::of(T(0, 0), T(0, 1), T(0, 2), T(1, 0), T(1, 1), T(1, 2), T(2, 0), T(2, 1), T(2, 2))};
+  };
+  return {frame(0), frame(1)};
+}
+
+const RowFunction kFunctions[] = {
+    // Kinematics: (robot, x, full)
+    {"ikm", "n",
+     [](const Row& r) {
+       using Model = Outcome (*)(const Robot&, const Coordinates&, Joint&);
+       const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
+       const Model model = own_mode ? (r.full ? Model(&command_full) : Model(&command))
+                                    : (r.full ? Model(&ikm_full) : Model(&ikm));
+       Joint q{};
+       const Outcome outcome = model(*r.robot, r.x(), q);
+       r.give(0, q);
+       return outcome;
+     }},
+    {"rkm", "r", of_x<Reading, rkm, rkm_full>},
+    {"fkm", "n",  // (robot, q, guess, full)
+     [](const Row& r) -> Outcome {
+       const auto q = r.of<Joint>(0);
+       Coordinates x = r.x(1);
+       const Outcome outcome = r.full ? fkm_full(*r.robot, q, x) : fkm(*r.robot, q, x);
+       r.give(0, x);
+       return outcome;
+     }},
+    {"parasitic", "h", of_x<Coordinates, parasitic>},
+    {"jacobian", "nn", of_x<JointMatrix, jacobian, jacobian_full>},
+    {"gyro", "3n", of_x<GyroRows, gyro>},
+    {"redundant_fkm", "n",
+     [](const Row& r) {
+       Coordinates x{};
+       const Outcome outcome = redundant_fkm(*r.robot, r.of<Extended>(0), x);
+       r.give(0, x);
+       return outcome;
+     }},
+    {"tej", "en ne",  // (robot, x, band)
+     [](const Row& r) {
+       ExtendedColumns M;
+       ExtendedRows M_plus;
+       const Outcome outcome = tej(*r.robot, r.x(), M, M_plus, r.call.number[0]);
+       r.give(0, M), r.give(1, M_plus);
+       return outcome;
+     }},
+    {"conditioning", "c",  // type 2, then type 1 of each chain
+     [](const Row& r) {
+       Joint serial{};
+       const Outcome outcome = conditioning(*r.robot, r.x(), *r.out[0], serial);
+       std::copy_n(serial.begin(), r.n, r.out[0] + 1);
+       return outcome;
+     }},
+    {"linearise", "en ep",  // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
+     [](const Row& r) -> Outcome {
+       const FullLevel& of = r.robot->full;
+       if (r.full && !of.own() && of.kind != FullKind::same) return {Status::no_full_level, -1};
+       Extended q_e;
+       PoseRows H_x;
+       Parasitic rest;
+       const Outcome outcome = r.model.linearise(*r.robot, r.pose(), q_e, H_x, r.out[1], rest);
+       r.give(0, H_x);
+       return outcome;
+     }},
+    // (robot, x, compliance, arms, force (N, 3), measured tension (N, n) or NaN, full): readings,
+    // their derivatives by the compliances of every chain and then of every arm, tensions
+    {"under_load", "e ed n",
+     [](const Row& r) {
+       const Load load{r.of<Vec3>(3), r.of<Joint>(4)};
+       const std::size_t n = static_cast<std::size_t>(r.n);
+       UnderLoad at;
+       const Outcome outcome =
+           under_load(*r.robot, r.model, r.full, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
+                      scratch(r.e * parameter_count(*r.robot)).data(), at);
+       r.give(0, at.q_e), r.give(2, at.tension);
+       for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
+         for (std::size_t k = 0; k < n; ++k) {
+           r.out[1][2 * n * c + k] = at.by_compliance[c][k];
+           r.out[1][2 * n * c + n + k] = c == k ? at.by_arm[k] : 0;
+         }
+       return outcome;
+     }},
+    {"skeleton", "n43",  // points P, B, A and c of every chain, for drawings
+     [](const Row& r) {
+       Closure closure;
+       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
+       double* to = r.out[0];
+       for (int k = 0; k < r.n && outcome; ++k) {
+         const Vec3 P = r.robot->chain[k].base, B = P + closure.chain[k].p;
+         for (const Vec3& point :
+              {P, B, B - closure.chain[k].v, closure.placed().D + closure.chain[k].lever})
+           to = std::copy_n(point.data(), 3, to);
+       }
+       return outcome;
+     }},
+    {"rod_rows", "nn",  // J_x; 0 where the chains do not close
+     [](const Row& r) {
+       Closure closure;
+       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
+       std::fill_n(r.out[0], r.n * r.n, 0.0);
+       for (int k = 0; k < r.n && outcome; ++k)
+         jx_row(closure.carried, closure.chain[k].v, closure.chain[k].lever, r.out[0] + k * r.n);
+       return Outcome{};
+     }},
+    {"shortfall", "-",  // (robot, x, chain)
+     [](const Row& r) {
+       const Pose pose = placed(*r.robot, r.pose());
+       const Chain& of = r.robot->chain.at(static_cast<std::size_t>(r.call.number[0]));
+       *r.out[0] = shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
+       return Outcome{};
+     }},
+    {"fastest", "e", of_x<Extended, fastest>},
+    // Orientations
+    {"rotations", "33",
+     [](const Row& r) {
+       r.give(0, Mat3(exp_so3(r.of<Vec3>(0)).transpose()));
+       return Outcome{};
+     }},
+    {"rotation_vectors", "3",
+     [](const Row& r) {
+       r.give(0, log_so3(r.rotation(0)));
+       return Outcome{};
+     }},
+    {"frames", "44",  // (robot, x, tilt (N, 3): rotation not in x; with a θ, about x, y)
+     [](const Row& r) {
+       const Pose pose = placed(*r.robot, r.pose());
+       Vec3 turn = r.of<Vec3>(1);
+       if (turns_about_z(r.robot->mobility)) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
+       const Mat3 R = exp_so3(turn) * pose.R;
+       for (int k = 0; k < 16; ++k) {
+         const int line = k / 4, column = k % 4;
+         r.out[0][k] = line == 3 ? column == 3 : column == 3 ? pose.D[line] : R(line, column);
+       }
+       return Outcome{};
+     }},
+    {"coordinates", "n",  // (robot, D (N, 3), R (N, 9)); axis angles from home's
+     [](const Row& r) {
+       const Mobility mobility = r.robot->mobility;
+       Pose pose{r.of<Vec3>(0), r.rotation(1), 0};
+       pose.theta = theta_of(pose.R, 0);
+       if (is_rotational(mobility)) {
+         Pose angles = to_pose(mobility, r.robot->home);
+         angles_of(*r.robot, pose, angles);
+         pose = angles;
+       }
+       r.give(0, to_coordinates(mobility, pose));
+       return Outcome{};
+     }},
+    // Dynamics
+    {"mass_matrix", "nn",
+     [](const Row& r) {
+       PoseMatrix mass;
+       const Outcome outcome = mass_matrix(*r.robot, r.pose(), mass);
+       r.give(0, mass);
+       return outcome;
+     }},
+    {"inverse_dynamics", "n",  // (robot, x, rate, acceleration)
+     [](const Row& r) {
+       Joint torque{};
+       const Outcome outcome = inverse_dynamics(*r.robot, r.pose(), r.x(1), r.x(2), torque);
+       r.give(0, torque);
+       return outcome;
+     }},
+    {"acceleration", "n",  // (robot, x, rate, torque)
+     [](const Row& r) {
+       Coordinates acceleration{};
+       const Outcome outcome =
+           forward_dynamics(*r.robot, r.pose(), r.x(1), r.of<Joint>(2), acceleration);
+       r.give(0, acceleration);
+       return outcome;
+     }},
+    {"setpoint", "n n n",  // (robot, from, to, duration, time): of a straight quintic move
+     [](const Row& r) {
+       const Setpoint at =
+           quintic(r.robot->mobility, r.x(), r.x(1), r.call.number[0], r.call.number[1]);
+       r.give(0, at.x), r.give(1, at.rate), r.give(2, at.acceleration);
+       return Outcome{};
+     }},
+    {"advance", "n n",  // (robot, x, rate, torque, duration, steps): of the reduced model
+     [](const Row& r) {
+       PlantState state{r.pose(), r.x(1)};
+       const Outcome outcome = advance(*r.robot, r.of<Joint>(2), r.call.number[0],
+                                       static_cast<int>(r.call.number[1]), state);
+       r.give(0, to_coordinates(r.robot->mobility, state.pose)), r.give(1, state.rate);
+       return outcome;
+     }},
+    // Readings and what is known: (robot, known, …)
+    {"innovation", "e",  // (robot, q_e, expected): difference without whole turns of a joint
+     [](const Row& r) {
+       Extended difference{};
+       innovation(*r.robot, r.of<Extended>(0), r.of<Extended>(1), difference);
+       r.give(0, difference);
+       return Outcome{};
+     }},
+    {"leakage", "ne",  // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
+     [](const Row& r) {
+       const Weights weights(*r.robot, r.known);
+       PoseColumns leak{};
+       const Outcome outcome =
+           leakage(*r.robot, Law{static_cast<int>(r.call.number[0])}, r.x(), leak, weights.view());
+       r.give(0, leak);
+       return outcome;
+     }},
+    {"estimate", "n nn -",  // (robot, known, q_e, guess, full)
+     [](const Row& r) {
+       Pose pose = r.pose(1);
+       const Estimate found =
+           r.model.estimate(*r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
+       r.give(0, to_coordinates(r.robot->mobility, pose));
+       r.give(1, found.covariance);
+       *r.out[2] = found.chi2;
+       return found.outcome;
+     },
+     kFewRowsPerThread},
+    // (robot, known, x, full, influence (N, e × count)), whose amounts are the last entries of the
+    // knowledge: sensitivity of x to each reading's error; weighted TEJ
+    {"gain", "ne ne",
+     [](const Row& r) {
+       double* work = r.work();
+       Fused fusion;
+       const Outcome outcome =
+           fused(*r.robot, r.model, r.known->view(), r.pose(), influences_at(r, 1), work,
+                 work + r.e * parameter_count(*r.robot), fusion);
+       r.give(0, fusion.gain), r.give(1, fusion.tej);
+       return outcome;
+     },
+     kFewRowsPerThread},
+    // (robot, base, marker, x, measured): expected tracker coordinates, measured minus expected,
+    // derivatives by twist and registration, the factor on σ of θ
+    {"seen", "n n nn ng -",
+     [](const Row& r) {
+       const Mobility mobility = r.robot->mobility;
+       const Seen at = seen(mobility, registration_of(r), r.pose(2));
+       const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
+       r.give(0, to_coordinates(mobility, {at.p, at.Q, theta}));
+       r.give(1, innovation(mobility, at, r.x(3).data()));
+       r.give(2, at.H_x), r.give(3, at.H);
+       *r.out[4] = at.blunt;
+       return Outcome{};
+     },
+     kRowsPerThread, 2},
+};
+
+nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwargs& kwargs) {
+  const nb::module_ numpy = nb::module_::import_("numpy");
+  Call with;
+  const auto take = [&](nb::handle given) {
+    if (given.is_none()) return;
+    if (nb::isinstance<Robot>(given)) {
+      with.robot = nb::inst_ptr<Robot>(given);
+    } else if (nb::isinstance<Known>(given)) {
+      with.known = nb::inst_ptr<Known>(given);
+    } else if (PyBool_Check(given.ptr())) {
+      with.flag.push_back(given.is(nb::handle(Py_True)));
+    } else if (PyFloat_Check(given.ptr()) || PyLong_Check(given.ptr())) {
+      with.number.push_back(nb::cast<double>(given));
+    } else {
+      nb::object array = numpy.attr("ascontiguousarray")(given, "double");
+      if (nb::cast<int>(array.attr("ndim")) == 1) array = array.attr("reshape")(1, -1);
+      with.in.push_back(nb::cast<Rows>(array));
+    }
+  };
+  for (nb::handle given : args) take(given);
+  for (auto [name, given] : kwargs) take(given);
+  int n = 0, r = 0, p = 0, hidden = 0;
+  with.full = !with.flag.empty() && with.flag[0];
+  if (with.robot) {
+    const Robot& robot = *with.robot;
+    n = dof(robot.mobility), r = robot.r;
+    p = robot.finished ? parameter_count(robot) : 0;
+    hidden = robot.full.own() ? 6 - n + robot.full.bars : 0;
+    with.model = kernels(robot.mobility, with.full);
+  }
+  with.n = n, with.e = n + r;
+  std::vector<Shape>& shapes = with.shapes;
+  shapes.resize(1);
+  for (const char* letter = function.shapes; *letter; ++letter) {
+    const auto more = [&](int extent) {
+      shapes.back().push_back(static_cast<std::size_t>(extent));
+    };
+    switch (*letter) {
+      case ' ': shapes.emplace_back(); break;
+      case '-': break;
+      case 'n': more(n); break;
+      case 'e': more(n + r); break;
+      case 'r': more(r); break;
+      case 'p': more(p); break;
+      case 'd': more(2 * n); break;
+      case 'c': more(1 + n); break;
+      case 'h': more(hidden); break;
+      case 'g': more(kRegistration); break;
+      default: more(*letter - '0');
+    }
+  }
+  return batch(
+      with.in.at(function.over).shape(0), shapes,
+      [&](std::size_t i, const std::vector<double*>& out) {
+        return function.at({with, with, i, out});
+      },
+      function.rows_per_thread);
+}
+}  // namespace
+
+void bind_rows(nb::module_& m) {
+  for (const RowFunction& function : kFunctions) {
+    const std::string signature =
+        std::string("def ") + function.name + "(*args, **kwargs) -> tuple";
+    m.def(
+        function.name,
+        [&function](const nb::args& args, const nb::kwargs& kwargs) {
+          return call(function, args, kwargs);
+        },
+        nb::sig(signature.c_str()));
+  }
+}
+}  // namespace truepose::python

@@ -1,0 +1,231 @@
+#include "python/structs.hpp"
+
+#include <cmath>
+#include <string>
+
+#include "mechanism/geometry.hpp"
+#include "simulation/simulate.hpp"
+
+namespace truepose::python {
+namespace {
+template <class T>
+T& at(nb::handle self, int offset) {
+  return *reinterpret_cast<T*>(nb::inst_ptr<char>(self) + offset);
+}
+
+/// A row of a table as a Python object with attributes.
+template <class... Value>
+nb::object row_of(const char* const (&names)[sizeof...(Value)], const Value&... values) {
+  const nb::object made = nb::module_::import_("types").attr("SimpleNamespace")();
+  int k = 0;
+  ((made.attr(names[k++]) = nb::cast(values)), ...);
+  return made;
+}
+
+const char* text(Unit unit) {
+  switch (unit) {
+    case Unit::metre: return "m";
+    case Unit::radian: return "rad";
+    case Unit::reading: return "reading";
+    default: return "";
+  }
+}
+
+/// Names of a part's parameters, in ξ's order, with units.
+nb::tuple named(const auto& table) {
+  nb::list rows;
+  for (const auto& row : table) rows.append(nb::make_tuple(row.name, text(row.unit)));
+  return nb::tuple(rows);
+}
+
+/// The core's tables of sensor kinds, laws, faults and ξ.
+void bind_tables(nb::module_& m) {
+  nb::dict sensors, laws, faults;
+  for (const SensorProperties& row : kSensorTable) {
+    nb::list vectors;
+    for (unsigned k = 0; k < kMountingVectors.size(); ++k)
+      if (row.mounting & (1u << k)) vectors.append(kMountingVectors[k]);
+    sensors[row.name] = row_of(
+        {"name", "of_chain", "shaft", "wraps", "is_theta", "unit", "mounting"}, row.name,
+        row.of_chain, row.shaft, row.wraps, row.is_theta, text(row.unit), nb::tuple(vectors));
+  }
+  for (const LawProperties& row : kLawTable)
+    laws[row.name] = row_of({"name", "law", "weighs", "sensed"}, row.name,
+                            static_cast<int>(row.law), row.weighs, row.sensed);
+  for (const FaultProperties& row : kFaultTable)
+    faults[row.name] =
+        row_of({"kind", "size", "lasts", "at_rest", "pair"}, static_cast<int>(row.kind), row.size,
+               row.lasts, row.at_rest, row.pair);
+  m.attr("sensor_kinds") = sensors;
+  m.attr("laws") = laws;
+  m.attr("fault_kinds") = faults;
+  m.attr("chain_parameters") = named(kChainTable);
+  m.attr("sensor_parameters") = named(kSensorParameterTable);
+  m.attr("axis_parameters") = named(kAxisTable);
+  m.attr("stop_causes") = nb::tuple(nb::cast(names_of(kCauseTable)));
+  enumeration(m, "SensorKind", names_of(kSensorTable));
+  enumeration(m, "Mobility",
+              {"planar_translation", "planar", "translation", "schoenflies", "spatial",
+               "rotational_1", "rotational_2", "rotational_3"});
+  enumeration(m, "Actuator", {"revolute", "prismatic", "telescopic"});
+  enumeration(m, "BarJoint", {"pivots", "four_bar"});
+  enumeration(m, "Level", {"ideal", "full"});
+  enumeration(m, "FullKind",
+              {"undescribed", "same", "exists", "overconstrained", "loose", "elastic"});
+  enumeration(m, "FeedForward", {"none", "gravity", "full"});
+  enumeration(m, "Gains", {"diagonal", "inertia"});
+  enumeration(m, "DisturbanceKind", {"none", "payload", "friction", "contact"});
+  enumeration(m, "Loss", {"squares", "huber", "student"});
+  enumeration(m, "LinkKind", {"plane", "distance", "point"});
+  m.attr("symptoms") =
+      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees", "noisy");
+  m.attr("safety_states") = nb::make_tuple("ready", "running", "stopping", "stopped", "fault");
+}
+
+/// Throws if the core failed. @throws nb::value_error
+void require(Outcome outcome) {
+  if (!outcome) throw nb::value_error(describe(outcome.status));
+}
+/// ξ of a finished robot; of another one, columns may be out of bounds.
+std::size_t parameters_of(const Robot& robot) {
+  require({robot.finished ? Status::ok : Status::unfinished, -1});
+  return static_cast<std::size_t>(parameter_count(robot));
+}
+
+/// Reads and writes part i of a robot, by copies: the facade builds a robot from the outside in.
+template <class Part, std::size_t N>
+void bind_parts(nb::class_<Robot>& made, const char* name, std::array<Part, N> Robot::* parts) {
+  made.def(name, [=](const Robot& robot, int i) { return (robot.*parts).at(i); });
+  made.def((std::string("set_") + name).c_str(), [=](Robot& robot, int i, const Part& part) {
+    robot.finished = false;
+    (robot.*parts).at(i) = part;
+  });
+}
+
+void bind_robot(nb::module_& m) {
+  auto made = structure<Robot>(m, "Robot", {c::table_of<Robot>.fields, 0});
+  bind_parts(made, "chain", &Robot::chain);
+  bind_parts(made, "sensor", &Robot::sensor);
+  bind_parts(made, "body", &Robot::body);
+  bind_parts(made, "axis", &Robot::axis);
+  made.def_ro("full", &Robot::full)
+      .def_prop_ro("axes", [](const Robot& robot) { return passive_axes(robot.mobility); })
+      .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
+      .def("__bytes__",
+           [](const Robot& robot) {
+             static truepose_description description;  // 8 kB
+             c::describe(robot, description);
+             return nb::bytes(&description, sizeof description);
+           })
+      .def("without_limits",
+           [](Robot robot) {
+             robot.limited = false;
+             return robot;
+           })
+      .def("motor_position",
+           [](const Robot& robot, int i, double q) { return motor_position(robot.chain.at(i), q); })
+      .def("motor_reading",
+           [](const Robot& robot, int i, double position) {
+             return motor_reading(robot.chain.at(i), position);
+           })
+      .def("drawn_parameters",
+           [](const Robot& drawn) {
+             Owned<double> xi({parameters_of(drawn)});
+             require(drawn_parameters(drawn, xi[0]));
+             return xi.release();
+           })
+      .def("with_parameters",
+           [](const Robot& drawn, const Row& xi) {
+             Robot robot = drawn;
+             if (xi.shape(0) != parameters_of(drawn))
+               throw nb::value_error("one value for each column");
+             require(set_parameters(drawn, xi.data(), robot));
+             static_cast<void>(note_assembly(robot));
+             return robot;
+           })
+      .def("finish", [](Robot& robot) {
+        Outcome outcome = finish(robot);
+        if (outcome) outcome = finish_full(robot);
+        return answered(outcome);
+      });
+}
+}  // namespace
+
+nb::object get_member(nb::handle self, const c::Field& field) {
+  const int count = field.count();
+  const auto number = [&](int k) -> nb::object {
+    const int offset = field.offset + k * field.width();
+    switch (field.numbers) {
+      case c::Numbers::real: return nb::float_(at<Real>(self, offset));
+      case c::Numbers::whole: return nb::int_(at<std::int32_t>(self, offset));
+      default: return nb::bool_(at<bool>(self, offset));
+    }
+  };
+  if (field.rows == 0) return number(0);
+  nb::list numbers;
+  for (int k = 0; k < count; ++k) numbers.append(number(k));
+  const nb::object array = nb::module_::import_("numpy").attr("array")(numbers);
+  return field.columns ? array.attr("reshape")(field.rows, field.columns) : array;
+}
+
+void set_member(nb::handle self, const c::Field& field, nb::handle value) {
+  std::vector<double> numbers(static_cast<std::size_t>(field.count()));
+  const nb::object dimensions = nb::module_::import_("numpy").attr("ndim")(value);
+  bool good = (field.rows > 0) == (nb::cast<int>(dimensions) > 0) &&
+              take_numbers(value, numbers.data(), numbers.size());
+  for (const double number : numbers)
+    good = good && (field.numbers == c::Numbers::real || number == std::trunc(number));
+  if (!good) throw nb::type_error(field.name);
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const int offset = field.offset + static_cast<int>(k) * field.width();
+    switch (field.numbers) {
+      case c::Numbers::real: at<Real>(self, offset) = numbers[k]; break;
+      case c::Numbers::whole:
+        at<std::uint32_t>(self, offset) =
+            static_cast<std::uint32_t>(static_cast<std::int64_t>(numbers[k]));
+        break;
+      default: at<bool>(self, offset) = numbers[k] != 0;
+    }
+  }
+}
+
+std::array<std::string, 2> signatures(const c::Field& field) {
+  const std::string type = field.rows                          ? "numpy.typing.NDArray"
+                           : field.numbers == c::Numbers::real ? "float"
+                                                               : "int";
+  const std::string self = std::string("def ") + field.name + "(self";
+  return {self + ") -> " + type, self + ", value: typing.Any) -> None"};
+}
+
+void enumeration(nb::module_& m, const char* name, const std::vector<const char*>& members) {
+  const nb::object make = nb::module_::import_("enum").attr("IntEnum");
+  nb::list values;
+  for (const char* member : members) values.append(nb::make_tuple(member, nb::len(values)));
+  m.attr(name) = make(name, values, nb::arg("module") = m.attr("__name__"));
+}
+
+void bind_structs(nb::module_& m) {
+  bind_tables(m);
+  structure<Chain>(m, "Chain");
+  structure<Sensor>(m, "Sensor");
+  structure<Body>(m, "Body");
+  structure<PassiveAxis>(m, "PassiveAxis");
+  structure<FullLevel>(m, "FullLevel", TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess));
+  structure<ControlSettings>(m, "ControlSettings")
+      .def("place_poles",
+           [](ControlSettings& own, const Robot& robot, const Coordinates& x, double frequency,
+              double damping) { return answered(place_poles(robot, x, frequency, damping, own)); });
+  structure<FaultMonitorSettings>(m, "FaultMonitorSettings");
+  structure<MomentumSettings>(m, "MomentumSettings");
+  structure<MultirateSettings>(m, "MultirateSettings");
+  structure<SafetyLimits>(m, "SafetyLimits");
+  structure<StartSettings>(m, "StartSettings");
+  structure<Effects>(m, "Effects",
+                     TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness,
+                                      arm_damping, ripple, phase, delayed));
+  structure<Fault>(m, "Fault",
+                   TRUEPOSE_MEMBERS(Fault, kind, reading, other, size, begin, end, count, frame));
+  structure<Event>(m, "Event", TRUEPOSE_MEMBERS(Event, kind, begin, end, motor, size, force));
+  bind_robot(m);
+}
+}  // namespace truepose::python
