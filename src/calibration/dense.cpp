@@ -9,8 +9,8 @@
 
 namespace truepose {
 RowMatrix::RowMatrix(int rows, int columns, const double* from)
-    : rows_(rows), columns_(columns), number_(static_cast<std::size_t>(rows) * columns) {
-  if (from) std::copy_n(from, number_.size(), begin());
+    : vector(static_cast<std::size_t>(rows) * columns), rows_(rows), columns_(columns) {
+  if (from) std::copy_n(from, size(), begin());
 }
 
 RowMatrix RowMatrix::identity(int size) {
@@ -21,7 +21,7 @@ RowMatrix RowMatrix::identity(int size) {
 
 void RowMatrix::keep(int rows) {
   rows_ = rows;
-  number_.resize(static_cast<std::size_t>(rows) * columns_);
+  resize(static_cast<std::size_t>(rows) * columns_);
 }
 
 RowMatrix transposed(const RowMatrix& A) {

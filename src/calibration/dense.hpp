@@ -7,8 +7,10 @@
 
 namespace truepose {
 /// A matrix of doubles, by rows.
-class RowMatrix {
+class RowMatrix : std::vector<double> {
  public:
+  using vector::begin, vector::end, vector::data;
+
   RowMatrix() = default;
   /// Zeros, or a copy of rows × columns numbers.
   RowMatrix(int rows, int columns, const double* from = nullptr);
@@ -21,19 +23,12 @@ class RowMatrix {
   /// Row i.
   const double* operator[](int i) const { return data() + static_cast<long>(i) * columns_; }
   double* operator[](int i) { return data() + static_cast<long>(i) * columns_; }
-  const double* data() const { return number_.data(); }
-  double* data() { return number_.data(); }
-  const double* begin() const { return data(); }
-  const double* end() const { return data() + number_.size(); }
-  double* begin() { return data(); }
-  double* end() { return data() + number_.size(); }
 
   /// Leaves the first rows, or adds rows of zeros.
   void keep(int rows);
 
  private:
   int rows_ = 0, columns_ = 0;
-  std::vector<double> number_;
 };
 
 RowMatrix transposed(const RowMatrix& A);

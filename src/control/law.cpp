@@ -1,6 +1,8 @@
 #include "control/law.hpp"
 
 namespace truepose {
+namespace {
+/// As linearise(), at the reference's pose.
 Outcome linearise(const Robot& robot, const Reference& reference, Extended& q_e, PoseRows& H_x,
                   Real* H_xi, Parasitic& rest) {
   if (robot.rod_by_rod())
@@ -10,6 +12,8 @@ Outcome linearise(const Robot& robot, const Reference& reference, Extended& q_e,
   return {};
 }
 
+/// The same with the weights at that pose: cached, or fresh beyond their validity radius.
+/// @return singular where the motors alone do not determine the pose
 Outcome linearise_kept(const Robot& robot, const Weighing& weighing, const Reference& reference,
                        Extended& q_e, PoseRows& H_x, Parasitic& rest, CachedFusion& at) {
   const int n = dof(robot.mobility);
@@ -25,6 +29,7 @@ Outcome linearise_kept(const Robot& robot, const Weighing& weighing, const Refer
   return refresh(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
 }
 
+/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
 Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Reference& reference) {
   if (!weighing) return {Status::not_measured, -1};
   const int n = dof(robot.mobility);
@@ -46,11 +51,13 @@ Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Ref
   return outcome;
 }
 
+/// q_de with every rod closing its own loop.
 Outcome refer_full(const Robot& robot, Parasitic& rest, Reference& reference) {
   const Outcome outcome = extended_full(robot, reference.closure.pose, reference.q_e, &rest);
   return outcome ? within_limits(robot, motors_of(robot, reference.q_e)) : outcome;
 }
 
+/// TEJ of a law of all readings.
 Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
                Reference& reference) {
   if (law == Law::weighted) return weigh(robot, weighing, rest, reference);
@@ -58,6 +65,8 @@ Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic&
   return {};
 }
 
+/// x̂ with cached weights: it solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose. Far
+/// from the reference they are computed anew.
 Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference& reference,
                   const Extended& q_e, Pose& found, Parasitic rest) {
   const int n = dof(robot.mobility);
@@ -89,10 +98,101 @@ Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference&
   return estimate(level_of(robot), robot, known, q_e, found, weighing.work).outcome;
 }
 
+}  // namespace
+
 Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                    Pose& found, const Weighing& weighing, const Parasitic& nearby) {
   if (law == Law::cartesian) return redundant_fkm(robot, q_e, desired, nearby, found);
   if (!weighing) return {Status::not_measured, -1};
   return find(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
+}
+Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference, Real band,
+              const Weighing& weighing, Parasitic* nearby) {
+  if (robot.r == 0 && properties(law).sensed) return {Status::not_measured, -1};
+  Parasitic unknown;
+  Parasitic& rest = nearby ? *nearby : unknown;
+  Outcome outcome = ikm(robot, to_pose(robot.mobility, x_d), reference.closure);
+  if (outcome) outcome = within_limits(robot, reference.closure.pose, reference.closure.q());
+  if (outcome) outcome = jacobian(reference.closure, band, reference.jacobians);
+  const Outcome regular = outcome;
+  Reading r;
+  if (outcome) outcome = rkm(robot, reference.closure, r, reference.jr);
+  // The motors would have to pass through a singularity to reach another mode.
+  const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
+  if (outcome && !modes_meet && other_mode(robot.assembly_sign, reference.jacobians.sign))
+    outcome = {Status::branch_lost, -1};
+  if (!outcome) return outcome;
+  extend(robot, reference.closure.q(), r, reference.q_e);
+  reference.pose = reference.closure.pose;
+  if (robot.rod_by_rod()) {
+    outcome = refer_full(robot, rest, reference);
+    // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
+    if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
+      outcome = found_pose(robot, law, reference.closure.pose, reference.q_e, reference.pose,
+                           weighing, rest);
+    if (!outcome) return outcome;
+  }
+  if (properties(law).corrects == Corrects::readings)
+    outcome = map_of(robot, law, weighing, rest, reference);
+  return outcome ? regular : outcome;
+}
+
+Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
+                    Joint& error, Pose& found, const Weighing& weighing, const Parasitic& nearby) {
+  const int n = dof(robot.mobility);
+  const Corrects corrects = properties(law).corrects;
+  if (corrects == Corrects::pose) {
+    const Outcome outcome =
+        properties(law).weighs && weighing.kept
+            ? find_kept(robot, weighing, reference, q_e, found, nearby)
+            : found_pose(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
+    if (outcome)
+      error = reference.jacobians.joint_rate(difference(robot.mobility, reference.pose, found));
+    return outcome;
+  }
+  std::array<Real, kMaxReadings> e_qe;
+  for (int i = 0; i < n; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
+  if (corrects == Corrects::motors) {
+    for (int i = 0; i < n; ++i) error[i] = e_qe[i];
+  } else {
+    for (int k = n; k < n + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];
+    for (int i = 0; i < n; ++i) {
+      error[i] = 0;
+      for (int c = 0; c < n + robot.r; ++c) error[i] += reference.tej[i][c] * e_qe[c];
+    }
+  }
+  return {};
+}
+
+Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
+                    Joint& error, Real band, const Weighing& weighing, Parasitic* kept,
+                    ServoCycle* cycle) {
+  const int n = dof(robot.mobility);
+  const bool alone = properties(law).corrects == Corrects::motors;
+  if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
+    return Outcome{Status::not_finite, -1};
+  Reference reference;
+  Parasitic unknown;
+  Parasitic& nearby = kept ? *kept : unknown;
+  const Outcome regular = refer(robot, law, x_d, reference, band, weighing, &nearby);
+  if (!regular) return regular;
+  Pose found;
+  Joint e{};
+  Outcome outcome = motor_error(robot, law, reference, q_e, e, found, weighing, nearby);
+  if (outcome && !all_finite(e, n)) outcome = {Status::not_finite, -1};
+  if (!outcome) return outcome;
+  error = e;
+  if (cycle == nullptr) return regular;
+  const Corrects corrects = properties(law).corrects;
+  *cycle = {};
+  cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
+  cycle->error = e;
+  for (int i = 0; i < n; ++i) {
+    cycle->q_d[i] = reference.q_e[i];
+    std::copy_n(reference.jacobians.J[i].begin(), n, cycle->J[i].begin());
+    if (corrects == Corrects::readings)
+      std::copy_n(reference.tej[i].begin(), n + robot.r, cycle->tej[i].begin());
+  }
+  return regular;
 }
 }  // namespace truepose

@@ -45,11 +45,6 @@ Vec3 log_so3(const Mat3& R);
 /// last digits (1e-13 rad).
 Real theta_of(const Mat3& R, Real near);
 
-/// R turned about z to the given θ: undoes the second-order change of θ by a small turn.
-inline Mat3 with_theta(const Mat3& R, Real theta) {
-  return rotation_z(theta - std::atan2(R(1, 0), R(0, 0))) * R;
-}
-
 inline constexpr int kTiltIterations = 4;
 
 /// The rotation vector w with the given x and y that keeps θ = atan2(R_10, R_00) of exp(w) R_z(θ).

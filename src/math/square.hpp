@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "math/adjugate.hpp"
 #include "math/ldlt.hpp"
 
 namespace truepose {

@@ -49,7 +49,7 @@ struct Row : Common {
   Pose pose(std::size_t k = 0) const { return to_pose(robot->mobility, x(k)); }
   Mat3 rotation(std::size_t k) const { return of<Mat3>(k).transpose(); }
   double* work() const { return scratch(estimate_work(*robot, known->view().count)).data(); }
-  /// Writes result m: a vector, or the used part of a matrix.
+  /// Writes result m: a vector, a whole matrix, or the used part of one.
   template <class Values>
   void give(std::size_t m, const Values& values) const {
     if constexpr (requires { values[0][0]; }) {
@@ -57,7 +57,9 @@ struct Row : Common {
       for (std::size_t line = 0; line < call.shapes[m][0]; ++line)
         to = std::copy_n(values[line].begin(), call.shapes[m][1], to);
     } else {
-      std::copy_n(values.data(), call.shapes[m].empty() ? 1 : call.shapes[m][0], out[m]);
+      std::size_t count = 1;
+      for (const std::size_t extent : call.shapes[m]) count *= extent;
+      std::copy_n(values.data(), count, out[m]);
     }
   }
 };

@@ -17,7 +17,7 @@ class SceneOf {
   const int n = dof(K);
   Knowledge known;
   std::vector<double> mean, q_e, measured, measured_sigma, influence;
-  std::vector<Joint> x;
+  std::vector<Coordinates> x;
   CalibrationSettings settings;
   Registration registration;
 

@@ -281,7 +281,7 @@ TEST_EACH(for_each, "pole placement makes each motor alone a critically damped s
   CHECK(jacobian(closure, jacobians));
   CHECK(dynamic_model(mechanism.robot, closure, Coordinates{}, model));
   for (int m = 0; m < n; ++m) {
-    Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
+    Coordinates column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
     for (int i = 0; i < n; ++i) column[i] = jacobians.J[i][m];
     const Joint still = inverse_dynamics(model, jacobians.J, Coordinates{});
     const Joint torque = inverse_dynamics(model, jacobians.J, column);

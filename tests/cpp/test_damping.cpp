@@ -48,7 +48,7 @@ void for_each_crossing(F&& f) {
 }
 
 Coordinates between(const Crossing& crossing, double part) {
-  Joint x{};
+  Coordinates x{};
   for (int i = 0; i < kMaxDof; ++i)
     x[i] = crossing.from[i] + part * (crossing.to[i] - crossing.from[i]);
   return x;

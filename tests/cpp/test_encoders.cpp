@@ -56,7 +56,7 @@ TEST_EACH(for_each,
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     const Coordinates rate = random_joint(random, 0.5);
     const Joint torque = random_joint(random, 20);
-    Joint a{}, b{};
+    Coordinates a{}, b{};
     CHECK(forward_dynamics(mechanism.robot, pose, rate, torque, a));
     CHECK(forward_dynamics(wobbly, pose, rate, torque, b));
     for (int i = 0; i < n; ++i) CHECK_NEAR(a[i], b[i], 1e-9 * (1 + std::fabs(a[i])));

@@ -128,7 +128,8 @@ TEST_EACH(for_each,
   for (int k = 0; k < 50; ++k) {
     scene.setpoint.x[0] = NAN;  // all readings are well: nothing else is replaced
     CHECK(!scene.cycle(scene.readings));
-    CHECK((scene.fault_state.unanswered > scene.fault_settings.held) == scene.fault_state.stops);
+    CHECK((scene.fault_state.unanswered > scene.fault_settings.monitor.held) ==
+          scene.fault_state.stops);
   }
   for (int i = 0; i < scene.n; ++i) {
     CHECK(std::fabs(scene.state.torque[i]) <= scene.robot.chain[i].torque_limit);
@@ -162,7 +163,7 @@ TEST_EACH(for_each,
     Extended q_e = scene.readings;  // a motor by whose reading a loop would shake
     q_e[0] += k % 2 ? 1e-4 : -1e-4;
     static_cast<void>(scene.cycle(q_e));
-    CHECK(scene.fault_state.stops && scene.fault_state.stop == scene.fault_settings.stop);
+    CHECK(scene.fault_state.stops && scene.fault_state.stop == scene.fault_settings.monitor.stop);
     const bool all = scene.fault_state.brakes == bit(scene.n) - 1;
     CHECK(k < 149 ? !all : all || k < 151);
     for (int i = 0; i < scene.n && all; ++i)
@@ -189,7 +190,7 @@ TEST_EACH(for_each, "a lost motor follows its feed-forward into its brake until 
       const bool lost = k >= scene.fault_settings.monitor.coast;
       CHECK(scene.fault_state.brakes == (lost ? bit(0) : 0));
       CHECK(scene.fault_state.monitor.lost == scene.fault_state.brakes);
-      CHECK(scene.fault_state.stop == (lost ? scene.fault_settings.stop_lost : 0));
+      CHECK(scene.fault_state.stop == (lost ? scene.fault_settings.monitor.stop_lost : 0));
       if (lost) CHECK(std::fabs(scene.state.torque[0] - weight[0]) < 1e-9);
     }
     acknowledge(scene.fault_state, 0);

@@ -116,14 +116,14 @@ TEST("a robot without a full level says so, whatever it is asked") {
   Robot robot = par4().robot;
   for (Chain& chain : robot.chain) chain.bar = -1;  // two rods too many
   CHECK(finish_full(robot));
-  Coordinates x = robot.home;
+  Coordinates x = robot.home, turns{};
   Joint q{};
   Reading r{};
   JointMatrix J{};
   CHECK(ikm_full(robot, x, q).status == Status::no_full_level);
   CHECK(rkm_full(robot, x, r).status == Status::no_full_level);
   CHECK(jacobian_full(robot, x, J).status == Status::no_full_level);
-  CHECK(parasitic(robot, x, q).status == Status::no_full_level);
+  CHECK(parasitic(robot, x, turns).status == Status::no_full_level);
   CHECK(fkm_full(robot, q, x).status == Status::no_full_level && x == robot.home);
 }
 

@@ -134,7 +134,7 @@ TEST_EACH(
   const int readings = scene.readings(), p = scene.known.count;
   // In the base frame, of the nacelle's own coordinates: a step of the pose is one of them.
   const Coordinates x = to_coordinates(K, scene.pose);
-  Joint measured = x, sigma{};
+  Coordinates measured = x, sigma{};
   for (int i = 0; i < n; ++i) sigma[i] = 1e-5 * (1 + 2 * i);
   // Rotation vectors have no differences; they are measured as they are.
   for (int i = 0; i < std::min(n, 4); ++i)

@@ -56,14 +56,14 @@ TEST_EACH(
   const Coordinates x = random_pose(mechanism, random);
   Prior prior(robot);
   for (const Law law : kLaws) {
-    ExtendedRows leak;
+    PoseColumns leak;
     CHECK(leakage(robot, law, x, leak, prior.weighing()));
     for (int c = 0; c < n + robot.r; ++c) {
       Pose rest[2];
       for (const double side : {-1.0, 1.0}) {
         Robot read = robot;  // reading = position - offset
         (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
-        Joint end{};
+        Coordinates end{};
         CHECK(settle(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
         rest[side > 0] = to_pose(K, end);
       }

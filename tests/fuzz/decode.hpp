@@ -120,7 +120,7 @@ inline void spoil(Bytes& bytes, Chain& chain) {
 /// finite.
 struct Subject {
   Robot robot;
-  Joint box{};
+  Coordinates box{};
   bool buildable = true;
 };
 

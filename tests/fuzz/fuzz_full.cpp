@@ -12,7 +12,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Coordinates x = decode_pose(bytes, subject);
   const Joint q = decode_motors(bytes, subject);
   Coordinates found = decode_pose(bytes, subject);
-  Joint motors{}, rest{};
+  Joint motors{};
+  Coordinates rest{};
   const bool reached = static_cast<bool>(ikm_full(robot, x, motors));
   if (reached) require(all_finite(motors, n), "full ikm: ok is finite");
   if (parasitic(robot, x, rest)) require(all_finite(rest, kMaxDof), "parasitic: ok is finite");

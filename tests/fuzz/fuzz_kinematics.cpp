@@ -91,7 +91,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     require(all_finite(found, dof(robot.mobility)), "fkm: ok is finite");
     if (subject.buildable) check_forward(robot, q, found);
   }
-  Joint estimate{};
+  Coordinates estimate{};
   if (redundant_fkm(robot, q_e, estimate))
     require(all_finite(estimate, dof(robot.mobility)), "redundant fkm: ok is finite");
   return 0;

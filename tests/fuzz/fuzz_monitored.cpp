@@ -120,7 +120,7 @@ void drive_with_faults(Bytes& bytes, const Subject& subject) {
       const double limit = robot.chain[i].torque_limit;
       require(!(limit > 0) || std::fabs(state.torque[i]) <= limit, "a torque that the motor can");
     }
-    require(!(fault_state.unanswered > fault_settings.held) ||
+    require(!(fault_state.unanswered > fault_settings.monitor.held) ||
                 (fault_state.stops && fault_state.brakes),
             "without an answer the brakes hold");
     require(!fault_state.monitor.lost ||

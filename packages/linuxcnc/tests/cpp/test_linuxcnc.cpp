@@ -23,7 +23,7 @@ truepose_description table_of(const Robot& robot) {
   return table;
 }
 
-using Correction = std::array<truepose_real, 6>;
+using Correction = std::array<truepose_real, TRUEPOSE_MOTORS>;
 double apart(const Correction& a, const Correction& b) {
   double largest = 0;
   for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::fabs(a[i] - b[i]));
@@ -150,7 +150,7 @@ double ramp(double correction) { return 1.875 * correction * kPeriod / 0.2; }
 
 TEST("joints of a pose lead back to it, in machine units, and other axes pass") {
   check::Random random(1);
-  for_each([&](const Mechanism& mechanism, auto) {
+  for_each([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
     CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
@@ -183,7 +183,7 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
 
 TEST("the forward model starts from the axes it is given, wherever the robot was before") {
   check::Random random(4);
-  for_each([&](const Mechanism& mechanism, auto) {
+  for_each([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
     CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
@@ -635,7 +635,7 @@ TEST("a motor that is not heard, or not told, asks for its amplifier to go off")
 }
 
 TEST("inside the shell a machine switches on and off as without, and what stops it must be reset") {
-  for_each([](const Mechanism& mechanism, auto) {
+  for_each([](const Mechanism& mechanism) {
     if (mechanism.robot.r == 0) return;
     const int n = mechanism.robot.motors;
     const std::uint32_t all = bit(n) - 1;

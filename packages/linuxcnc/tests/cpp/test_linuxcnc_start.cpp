@@ -11,7 +11,6 @@ extern "C" {
 using namespace mechanisms;
 
 namespace {
-constexpr Mobility kFour = Mobility::schoenflies;
 
 /// An H4 with θ and an elbow encoder, whose drives take torques, behind LinuxCNC's components.
 struct Machine {
@@ -65,7 +64,7 @@ struct Machine {
            is.part == wrong.a && is.other == wrong.b && starter->reached == 0;
   }
 
-  StartBench<kFour> bench;
+  StartBench bench;
   Knowledge known;
   std::unique_ptr<truepose_corrector> tej = std::make_unique<truepose_corrector>();
   std::unique_ptr<truepose_starter> starter = std::make_unique<truepose_starter>();
@@ -180,7 +179,7 @@ TEST("a request while the machine is on begins nothing, and robots without torqu
 
 TEST("a payload is observed from the torques that the drives measure, and gone without them") {
   Machine machine(h4_with(2));
-  StartBench<kFour>& bench = machine.bench;
+  StartBench& bench = machine.bench;
   truepose_table& table = machine.tej->table;
   for (int i = 0; i < 4; ++i) table.known.sigma[i] = bench.robot.chain[i].encoder_step;
   table.monitor = c::converted<truepose_fault_monitor_settings>(FaultMonitorSettings{});
@@ -195,7 +194,7 @@ TEST("a payload is observed from the torques that the drives measure, and gone w
     std::copy_n(q_e.begin(), kMaxReadings, machine.in.q_e);
     std::copy_n(state.torque.begin(), 6, machine.in.torque);
     truepose_corrector_cycle(machine.tej.get(), &machine.in);
-    CHECK(bool(control<kFour>(bench.robot, drives, home, q_e, state)));
+    CHECK(bool(control(bench.robot, drives, home, q_e, state)));
     bench.plant.work_brakes(0, 1e-3);
     CHECK(bool(bench.plant.advance(state.torque, 1e-3, 2)));
   }
