@@ -1,6 +1,6 @@
 """Answers and processor time of 0.5.0, built once beside, and of the truepose that is installed.
 
-    python benchmarks/against.py [--poses 1000] [robot …]      # the first time builds 0.5.0: minutes
+    python benchmarks/against.py [--poses 1000] [robot …]     # the first time builds 0.5.0: minutes
 
 0.5.0 is the last version whose core is written for each mobility. Every shipped robot that both
 know, drawn within its tolerances, at both levels: kinematics differ by a share of the largest
@@ -34,7 +34,7 @@ def frozen() -> Path:
 
 
 def answers(name: str, count: int) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """Return what a robot answers at poses of its workspace, and the processor time that it took."""
+    """Return what a robot answers at poses of its workspace, and the processor time it took."""
     drawn, box = tp.load(name).sample(1), tp.load(name).spec.workspace
     low, high = np.array(box.minimum), np.array(box.maximum)
     poses = np.random.default_rng(2).uniform(low, high, (count, drawn.n))
@@ -56,7 +56,9 @@ def answers(name: str, count: int) -> tuple[dict[str, np.ndarray], dict[str, flo
         marked = {"errors": "nan"}
         q = add(f"ikm {level}", robot.ikm, poses, **marked)
         J = add(f"jacobian {level}", robot.jacobian, poses, **marked)
-        found[f"cond {level}"] = np.array([np.linalg.cond(j) if np.isfinite(j).all() else 1 for j in J])
+        found[f"cond {level}"] = np.array(
+            [np.linalg.cond(j) if np.isfinite(j).all() else 1 for j in J]
+        )
         add(f"fkm {level}", robot.fkm, q, **marked)
         add(f"fkm near {level}", robot.fkm, q, guess=poses + 1e-3, **marked)
         add(f"linearize {level}", robot.linearize, poses, **marked)
@@ -66,7 +68,7 @@ def answers(name: str, count: int) -> tuple[dict[str, np.ndarray], dict[str, flo
         estimates = robot.estimate(read, guess=poses[some])
         sigma = np.sqrt(np.diagonal(estimates.covariance, axis1=-2, axis2=-1))
         found[f"estimate {level}"] = np.stack([estimates.x, sigma])
-        fit = add(f"calibration {level}", lambda: tp.calibrate(tp.load(name), read, **how(level)))
+        fit = add(f"calibration {level}", tp.calibrate, tp.load(name), read, **how(level))
         found.pop(f"calibration {level} 0")
         value = np.array([p.value for p in fit.robot.parameters.values()])
         sigma = np.array([p.sigma for p in fit.robot.parameters.values()])
@@ -125,7 +127,8 @@ def main() -> None:
         ratio = {k[5:]: new[k] / old[k] for k in old if k.startswith("took") and old[k] > 1e-3}
         times = ", ".join(f"{what} {r:.2f}" for what, r in ratio.items())
         worst = max(plain, key=plain.get)
-        print(f"| {name} | {max(plain.values()):.1e} | {max(sigma.values()):.1e} | {worst} | {times} |")
+        largest = f"{max(plain.values()):.1e} | {max(sigma.values()):.1e}"
+        print(f"| {name} | {largest} | {worst} | {times} |")
 
 
 if __name__ == "__main__":

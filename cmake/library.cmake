@@ -1,6 +1,6 @@
 # The compiled library of truepose.h (C) and truepose.hpp (C++), static and shared: the control path, which needs
 # libm and libc alone. Calibration and simulation, for computers without a deadline, allocate, and need the C++
-# library and Eigen: a library apart.
+# library: a library apart.
 file(STRINGS include/truepose/truepose.h abi REGEX "^#define TRUEPOSE_ABI ")
 string(REGEX MATCH "[0-9]+" abi "${abi}")
 foreach(room math mechanism estimation control c)
@@ -40,7 +40,7 @@ truepose_library(truepose_objects)
 target_compile_options(truepose_objects PRIVATE ${TRUEPOSE_BARE})
 add_library(truepose_static STATIC $<TARGET_OBJECTS:truepose_objects>)
 set(truepose_libraries truepose_static)
-if(TRUEPOSE_INSTALL AND NOT SKBUILD)
+if(TRUEPOSE_INSTALL AND NOT TRUEPOSE_TESTS AND NOT SKBUILD)
   add_library(truepose_shared SHARED $<TARGET_OBJECTS:truepose_objects>)
   list(APPEND truepose_libraries truepose_shared)
   if(CMAKE_SYSTEM_NAME STREQUAL "Linux")  # whatever else it needed would be an error of the linker
@@ -59,10 +59,9 @@ endforeach()
 add_library(truepose::truepose ALIAS truepose_static)
 
 if(NOT TRUEPOSE_SINGLE)
-  include(cmake/eigen.cmake)
   add_library(truepose_offline STATIC ${offline})
   truepose_library(truepose_offline)
-  target_link_libraries(truepose_offline PRIVATE $<BUILD_INTERFACE:Eigen3::Eigen> PUBLIC truepose_static)
+  target_link_libraries(truepose_offline PUBLIC truepose_static)
   set_target_properties(truepose_offline PROPERTIES OUTPUT_NAME truepose-offline EXPORT_NAME offline)
   add_library(truepose::offline ALIAS truepose_offline)
   list(APPEND truepose_libraries truepose_offline)

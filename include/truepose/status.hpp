@@ -19,7 +19,6 @@ enum class [[nodiscard]] Status : int {
   no_such_part = 9,    ///< a count, index or enum of the robot's data is invalid
   not_square = 10,     ///< more or fewer chains or motors than freedoms: not supported
   unfinished = 11,     ///< the robot has not passed finish() (jacobian.hpp)
-  not_compiled = 12,   ///< this build omits the robot's mobility, the full level or the warm-up
   other_version = 13,  ///< a table from another version of the library, or of another size
   too_small = 14,      ///< the given memory is too small or not aligned
   no_such_value = 15,  ///< a number outside its valid range, or a matrix that is no rotation
@@ -43,7 +42,6 @@ constexpr const char* describe(Status status) {
     case Status::no_such_part: return "no such part";
     case Status::not_square: return "not as many chains and motors as freedoms";
     case Status::unfinished: return "not finished";
-    case Status::not_compiled: return "not compiled in";
     case Status::other_version: return "made for another version";
     case Status::too_small: return "too little memory, or not aligned";
     case Status::no_such_value: return "no such value";

@@ -70,7 +70,6 @@ typedef enum truepose_status {
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum is out of range */
   TRUEPOSE_NOT_SQUARE = 10,    /**< more or fewer chains or motors than freedoms */
   TRUEPOSE_UNFINISHED = 11,    /**< model not loaded, controller or monitor not initialised */
-  TRUEPOSE_NOT_COMPILED = 12,  /**< the library lacks this mobility, full level or warm-up */
   TRUEPOSE_OTHER_VERSION = 13, /**< the table's TRUEPOSE_ABI or size is another */
   TRUEPOSE_TOO_SMALL = 14,     /**< the memory given, or it is not aligned */
   TRUEPOSE_NO_SUCH_VALUE = 15  /**< an impossible number, or a matrix that is no rotation */
@@ -217,7 +216,7 @@ TRUEPOSE_API size_t truepose_model_size(void);
  * enum and number, and that home is a regular pose within the stops.
  * @param model  out; after a refusal every function answers TRUEPOSE_UNFINISHED
  * @param size   of the memory behind `model`, at least truepose_model_size()
- * @return OTHER_VERSION, TOO_SMALL, NO_SUCH_PART, NOT_SQUARE, NOT_COMPILED, NOT_FINITE,
+ * @return OTHER_VERSION, TOO_SMALL, NO_SUCH_PART, NOT_SQUARE, NOT_FINITE,
  * NO_SUCH_VALUE, NO_FULL_LEVEL, or for the home pose UNREACHABLE, SINGULAR, JOINT_LIMIT */
 TRUEPOSE_API truepose_outcome truepose_load(truepose_model* model, size_t size,
                                             const truepose_description* description);
@@ -321,7 +320,7 @@ TRUEPOSE_API truepose_outcome truepose_gyro(const truepose_model* model,
 
 /** Motor torques as joint torques of a rotational platform, J^-T torque: torque times rate is the
  * same on both sides. For other mobilities: force and moment on the platform, along its free twist.
- * @return UNREACHABLE, SINGULAR, NOT_FINITE; NOT_COMPILED without rotational platforms */
+ * @return UNREACHABLE, SINGULAR, NOT_FINITE */
 TRUEPOSE_API truepose_outcome truepose_joint_torque(const truepose_model* model,
                                                     const truepose_real x[TRUEPOSE_FREEDOMS],
                                                     const truepose_real torque[TRUEPOSE_MOTORS],
@@ -430,7 +429,7 @@ typedef struct truepose_axis_command {
 
 /** Joint state from motor state: FKM, J, rates and torques.
  * @param joints  in: position, the guess; out
- * @return as truepose_fkm(); like the next function NOT_COMPILED without rotational platforms */
+ * @return as truepose_fkm() */
 TRUEPOSE_API truepose_outcome truepose_joint_state(const truepose_model* model,
                                                    const truepose_axis_state* motors, int32_t cap,
                                                    truepose_axis_state* joints);

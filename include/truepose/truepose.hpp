@@ -1,6 +1,6 @@
 /// @file
-/// The compiled library for controllers in C++20: the functions of truepose.h as methods, without
-/// Eigen or templates per robot. Links truepose::truepose. Guide: docs/cpp.md.
+/// The compiled library for controllers in C++20: the functions of truepose.h as methods.
+/// Links truepose::truepose. Guide: docs/cpp.md.
 ///
 /// Every method returns an Outcome; outputs are unchanged where it is false. Nothing allocates,
 /// locks or throws. Units m, rad, s, kg, N, N·m; base frame.

@@ -113,7 +113,6 @@ void release(FaultTolerantState& fault_state) {
 
 void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
                     bool moves, const Joint& torque, FaultTolerantState& state) {
-  if (!kObserves) return;
   const int n = dof(robot.mobility);
   FaultMonitor& monitor = state.monitor;
   MomentumObserver& observer = state.observer;

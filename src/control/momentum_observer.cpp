@@ -156,7 +156,7 @@ void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
 namespace truepose {
 void sample_momentum(const Robot& robot, const MomentumSettings& settings, const Pose& pose,
                      const Joint& torque, MomentumObserver& state) {
-  if (!kObserves || !(settings.period > 0 && settings.sigma[0] > 0)) return;
+  if (!(settings.period > 0 && settings.sigma[0] > 0)) return;
   const Coordinates motion =
       state.cycles > 0 ? difference(robot.mobility, pose, state.pose) : Coordinates{};
   if (state.cycles < 2) {
@@ -179,7 +179,7 @@ void sample_momentum(const Robot& robot, const MomentumSettings& settings, const
 Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
                          MomentumObserver& state) {
   Outcome outcome;
-  if (!kObserves || state.step == 0) return outcome;
+  if (state.step == 0) return outcome;
   switch (state.step++) {
     case 1: {
       Closure closure;
@@ -205,7 +205,7 @@ void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
                         const Setpoint& setpoint, MomentumObserver& state, Joint& torque) {
   const int n = dof(robot.mobility);
   state.refused = false;
-  if (!kObserves || !settings.carry || state.disturbance != Disturbance::payload) return;
+  if (!settings.carry || state.disturbance != Disturbance::payload) return;
   Closure closure;
   Jacobians jacobians;
   DynamicModel model;

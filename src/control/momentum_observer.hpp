@@ -23,13 +23,6 @@
 #include "control/control.hpp"
 
 namespace truepose {
-/// Whether forces are observed: not with -DTRUEPOSE_NO_OBSERVER, for small machines.
-#ifdef TRUEPOSE_NO_OBSERVER
-inline constexpr bool kObserves = false;
-#else
-inline constexpr bool kObserves = true;
-#endif
-
 /// Cause of an external force.
 enum class Disturbance : int {
   none = 0,

@@ -176,7 +176,6 @@ bool MonitoredCycle::stale() {
 }
 
 Reading MonitoredCycle::warm(const Real* H_xi, const Reading& cold) {
-  if constexpr (!kFollowsWarmUp) return {};
   WarmUp& warm_up = monitor_.warm_up;
   const Growths& growth = settings_.growth;
   if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};

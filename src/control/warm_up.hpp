@@ -9,12 +9,6 @@
 #include "math/ldlt.hpp"
 
 namespace truepose {
-/// Whether a warm-up is followed: not with -DTRUEPOSE_NO_OBSERVER, for small machines.
-#ifdef TRUEPOSE_NO_OBSERVER
-inline constexpr bool kFollowsWarmUp = false;
-#else
-inline constexpr bool kFollowsWarmUp = true;
-#endif
 inline constexpr int kGrowths = 3;      ///< of base, arms and rods
 inline constexpr Real kMostGrowth = 3;  ///< σ, largest growth
 using Growths = std::array<Real, kGrowths>;

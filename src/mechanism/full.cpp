@@ -189,6 +189,7 @@ Outcome jacobian_full(const Robot& robot, const FullClosure& closure, JointMatri
   if (outcome.chain >= 0) outcome.chain /= 2;
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
+    if (slope == 0) return {Status::singular, j};  // its encoder does not see the motor
     for (int i = 0; i < m.coordinates; ++i) J[i][j] = rates[i][j] / slope;
   }
   return outcome;

@@ -48,6 +48,10 @@ Outcome finish(Robot& robot) {
   if (!exist) return exist;
   const int n = dof(robot.mobility);
   if (robot.chains != n || robot.motors != n) return {Status::not_square, -1};
+  // No parallelogram keeps a bar's orientation on a platform that turns about more than z.
+  for (int i = 0; i < n && robot.mobility >= Mobility::spatial; ++i)
+    if (robot.chain[i].bar >= 0 || robot.chain[i].anchor.squaredNorm() > 0)
+      return {Status::no_such_part, i};
   robot.finished = true;
   note_encoders(robot);
   note_vertical(robot);

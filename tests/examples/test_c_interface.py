@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiling import told, wheels_eigen
+from compiling import told
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
@@ -31,12 +31,9 @@ def tables(robot: tp.Robot, **options) -> str:
 
 
 def users_own(home: Path) -> dict[str, str]:
-    """Return a user's environment: that home, and the CMake and Eigen of the system if there."""
-    eigen = (
-        {} if Path("/usr/include/eigen3").is_dir() else {"CMAKE_PREFIX_PATH": str(wheels_eigen())}
-    )
+    """Return a user's environment: that home, and the CMake of the system if there."""
     path = os.pathsep.join(("/usr/local/bin", "/usr/bin", "/bin", os.environ["PATH"]))
-    return {"HOME": str(home), "PATH": path, **eigen}
+    return {"HOME": str(home), "PATH": path}
 
 
 def commands(page: str) -> list[str]:
@@ -104,8 +101,7 @@ def test_it_answers_as_python_does(prefix, vectors, tmp_path):
 def test_in_single_precision_it_answers_as_python_does_to_rounding(vectors, tmp_path):
     options = ("-DTRUEPOSE_PYTHON=OFF", "-DTRUEPOSE_SINGLE=ON", "-DCMAKE_BUILD_TYPE=MinSizeRel")
     build = tmp_path / "build"
-    told("cmake", "-S", SOURCE, "-B", build, *options, "-DCMAKE_CXX_COMPILER=g++",
-         f"-DCMAKE_PREFIX_PATH={wheels_eigen()}")  # fmt: skip
+    told("cmake", "-S", SOURCE, "-B", build, *options, "-DCMAKE_CXX_COMPILER=g++")
     told("cmake", "--build", build, "--target", "truepose_static", "--parallel", "2")
     sources = (REFERENCE / "agree.c", REFERENCE / "main.c")
     single = ("-DTRUEPOSE_SINGLE", f"-I{HEADER.parents[1]}", f"-I{vectors}", *sources)
@@ -147,7 +143,6 @@ foreach(kind static shared)
   target_link_libraries(user_${{kind}} PRIVATE truepose::${{kind}})
 endforeach()
 """
-NO_EIGEN = "-DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON"
 
 
 @pytest.fixture
@@ -160,13 +155,12 @@ def project(prefix, tmp_path):
         encoding="utf-8",
     )
 
-    def build(*options, languages="C"):
+    def build(languages="C"):
         text = USES.format(languages=languages)
         (tmp_path / "CMakeLists.txt").write_text(text, encoding="utf-8")
         own = users_own(home)
-        prefixes = os.pathsep.join([str(prefix), own.get("CMAKE_PREFIX_PATH", "")])
-        own["CMAKE_PREFIX_PATH"] = prefixes.strip(os.pathsep)
-        told("cmake", "-S", tmp_path, "-B", tmp_path / "build", *options, env=own)
+        own["CMAKE_PREFIX_PATH"] = str(prefix)
+        told("cmake", "-S", tmp_path, "-B", tmp_path / "build", env=own)
         told("cmake", "--build", tmp_path / "build", env=own)
         for kind in ("static", "shared"):
             told(tmp_path / "build" / f"user_{kind}")
@@ -174,10 +168,9 @@ def project(prefix, tmp_path):
     return build
 
 
-@pytest.mark.parametrize("options", [(), (NO_EIGEN,)], ids=["with Eigen", "without Eigen"])
 @pytest.mark.parametrize("languages", ["C", "C CXX"])
-def test_cmake_finds_the_library_with_and_without_eigen(project, languages, options):
-    project(*options, languages=languages)
+def test_cmake_finds_the_library(project, languages):
+    project(languages)
 
 
 @pytest.mark.skipif(shutil.which("pkg-config") is None, reason="pkg-config is not installed")
@@ -190,7 +183,7 @@ def test_the_pages_commands_find_the_library_in_a_private_prefix(prefix, project
     told("sh", "-c", "\n".join(["set -e", *used]), cwd=tmp_path, env=users_own(home))
     env = {"PKG_CONFIG_PATH": str(prefix / "share" / "pkgconfig")}
     flags = told("pkg-config", "--cflags", "truepose", env=env).split()
-    assert len(flags) == 1 and flags[0].startswith("-I")  # neither Eigen nor a compiler's options
+    assert len(flags) == 1 and flags[0].startswith("-I")  # no compiler's options
 
 
 def test_the_command_writes_what_a_calibrated_robot_knows_and_overwrites_nothing(tmp_path):

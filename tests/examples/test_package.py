@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compiling import told, wheels_eigen
+from compiling import told
 
 import truepose as tp
 from truepose import _core, headers
@@ -26,7 +26,6 @@ SHOWN = {
 }
 COMPILER = os.environ.get("CXX", "c++")
 NO_PYTHON = "-DCMAKE_DISABLE_FIND_PACKAGE_Python=ON"
-NO_EIGEN = "-DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON"
 #: Unoptimised: half the time to build, and no other answers.
 UNOPTIMISED = "-DCMAKE_BUILD_TYPE=None"
 #: Environment in which the command truepose is found.
@@ -38,16 +37,15 @@ def prefix(tmp_path_factory) -> Path:
     """Return where the C++ package is installed, by a CMake that may not look for a Python."""
     build = tmp_path_factory.mktemp("build")
     installed = tmp_path_factory.mktemp("installed")
-    eigen = f"-DCMAKE_PREFIX_PATH={wheels_eigen()}"
-    told("cmake", "-S", SOURCE, "-B", build, "-DTRUEPOSE_PYTHON=OFF", NO_PYTHON, eigen, UNOPTIMISED)
+    told("cmake", "-S", SOURCE, "-B", build, "-DTRUEPOSE_PYTHON=OFF", NO_PYTHON, UNOPTIMISED)
     told("cmake", "--build", build, "--parallel", "2")
     told("cmake", "--install", build, "--prefix", installed)
     return installed
 
 
 def project(build: Path, *options) -> Path:
-    """Return the folder of the examples' programs, built by CMake without Eigen."""
-    told("cmake", "-S", EXAMPLES, "-B", build, NO_EIGEN, UNOPTIMISED, *options)
+    """Return the folder of the examples' programs, built by CMake."""
+    told("cmake", "-S", EXAMPLES, "-B", build, UNOPTIMISED, *options)
     told("cmake", "--build", build, "--parallel", "2", env=COMMAND)
     return build
 
@@ -146,8 +144,7 @@ def test_a_project_that_includes_it_gets_the_library_alone(way, tmp_path):
     source = SOURCE.as_posix()
     text = PROJECT.format(include=INCLUDES[way].format(source=source), source=source)
     (tmp_path / "CMakeLists.txt").write_text(text, encoding="utf-8")
-    found = f"-DCMAKE_PREFIX_PATH={wheels_eigen()}"
-    told("cmake", "-S", tmp_path, "-B", tmp_path / "build", NO_PYTHON, found)
+    told("cmake", "-S", tmp_path, "-B", tmp_path / "build", NO_PYTHON)
     told("cmake", "--install", tmp_path / "build", "--prefix", tmp_path / "installed")
     assert not list(tmp_path.glob("installed/**/truepose*"))
 
@@ -163,7 +160,7 @@ endforeach()
 """
     (tmp_path / "CMakeLists.txt").write_text(text, encoding="utf-8")
     found = f"-DCMAKE_PREFIX_PATH={prefix}"
-    said = told("cmake", "-S", tmp_path, "-B", tmp_path / "build", NO_EIGEN, found)
+    said = told("cmake", "-S", tmp_path, "-B", tmp_path / "build", found)
     assert re.findall(r"truepose (\S+): (\d)", said) == [
         ("0.5", "1"), ("0.1", "0"), ("0.99", "0"), ("1", "0"),
     ]  # fmt: skip

@@ -69,7 +69,6 @@ int32_t agree(truepose_real worst[AGREE_QUESTIONS]) {
   for (int robot = 0; robot < robots; ++robot) {
     const vectors* v = vectors_of + robot;
     const truepose_outcome loaded = truepose_load(&model, sizeof model, v->robot);
-    if (loaded.status == TRUEPOSE_NOT_COMPILED) continue;
     if (failed(loaded) || (v->known && truepose_work(&model, v->known->count) > WORK))
       return -1 - robot;
     const int n = truepose_freedoms(&model), e = n + truepose_sensors(&model);
