@@ -137,11 +137,11 @@ class Controller(ControllerSettings):
         settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
         for name in ("period", "velocity_bandwidth", "damped_below", "sigma_scale"):
             setattr(settings, name, getattr(self, name))
-        place = pose_of(robot, x, "x")
+        place = as_row(robot, x, "x")
         status, _ = settings.place_poles(robot.core, place, self.frequency, self.damping)
         if status:
             raise PoseError(
-                f"{robot.name}: gains at x = {place[: robot.n]}: {_core.describe(status)}"
+                f"{robot.name}: gains at x = {place.tolist()}: {_core.describe(status)}"
             )
         settings.ki = [self.integral * kp for kp in settings.kp]
         return settings
@@ -165,11 +165,6 @@ def warn_if_for_rigid(
             "be unstable with these effects: take truepose.Controller.for_robot(robot, effects)",
             stacklevel=stacklevel,
         )
-
-
-def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:
-    """Return x as the core's fixed-size vector."""
-    return [*as_row(robot, x, name).tolist(), *[0.0] * (6 - robot.n)]
 
 
 def require_same_readings(robot: Robot, truth: Robot) -> None:

@@ -26,11 +26,11 @@ def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
     return error
 
 
-def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], list[float]]:
+def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], Array]:
     """Return an own law as the core calls it once per control period: vectors of its sizes."""
     n = robot.n
 
-    def error(x_d: list[float], q_e: list[float]) -> list[float]:
+    def error(x_d: list[float], q_e: list[float]) -> Array:
         return motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[: n + robot.r]))
 
     return error

@@ -118,7 +118,8 @@ def _members(struct: Any, kind: str, indent: str) -> str:
     for whole, of in groupby(members, lambda member: isinstance(member[1], (int, str))):
         rows = [(name, str(v) if whole else _numbers(np.array(v), indent)) for name, v in of]
         if whole:
-            rows = [tuple(map(", ".join, zip(*rows, strict=True)))]
+            names, values = zip(*rows, strict=True)
+            rows = [(", ".join(names), ", ".join(values))]
         lines += [f"{indent}{text}, /* {name} */" for name, text in rows]
     return "\n".join(lines)
 

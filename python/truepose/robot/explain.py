@@ -42,7 +42,7 @@ def full_level(robot: _core.Robot) -> FullLevel:
         kinds.overconstrained: (False, f"overconstrained by {full.excess}: {count}"),
         kinds.loose: (False, f"underconstrained by {full.excess}: {count}; {free}"),
         kinds.undescribed: (False, "its rods are not described one by one"),
-    }[full.kind]
+    }[kinds(full.kind)]
     return FullLevel(exists, reason)
 
 

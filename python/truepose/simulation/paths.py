@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of, positive
-from truepose.control.controller import pose_of
 from truepose.exceptions import InputError
 from truepose.plugins import package
-from truepose.robot.batches import as_rows, flattened
+from truepose.robot.batches import as_row, as_rows, flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
 from truepose.simulation.chart import Chart, Setpoints
@@ -179,7 +178,7 @@ class Circle:
         """See :class:`Path`."""
         for name in ("radius", "frequency", "turns"):
             positive(name, getattr(self, name))
-        centre = pose_of(robot, self.centre, "centre")[: robot.n]
+        centre = as_row(robot, self.centre, "centre")
         across = self._plane(~angles(robot))
         steady = self.turns / self.frequency
         ramp = min(0.25, steady) if self.ramp is None else self.ramp

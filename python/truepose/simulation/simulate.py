@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, require_or_none
-from truepose.control.controller import Controller, OwnLaw, law_name, pose_of, require_same_readings
+from truepose.control.controller import Controller, OwnLaw, law_name, require_same_readings
 from truepose.control.effects import Effects
 from truepose.control.own_law import for_core
 from truepose.control.safety import stop_text
@@ -21,6 +21,7 @@ from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
 from truepose.moved import grouped
+from truepose.robot.batches import as_row
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -293,7 +294,7 @@ def simulate(
         if any(x is None for x in ends.values()):
             usual = dict(zip(ends, default_move(robot), strict=True))
             ends = usual | {name: x for name, x in ends.items() if x is not None}
-        start, end = (pose_of(robot, x, name)[: robot.n] for name, x in ends.items())
+        start, end = (as_row(robot, x, name) for name, x in ends.items())
         move = Line(start=start, end=end, duration=run.duration)
         require_feasible_move(robot, move, period)
         setpoints = move.setpoints(robot, period)

@@ -13,7 +13,6 @@ from truepose import _core
 from truepose.arguments import Array, check_seed, positive, require_or_none, whole
 from truepose.control.controller import (
     Controller,
-    pose_of,
     require_same_readings,
     warn_if_for_rigid,
 )
@@ -21,6 +20,7 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault, in_core
 from truepose.robot import knowledge
+from truepose.robot.batches import as_row
 from truepose.robot.robot import Robot
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
@@ -179,7 +179,7 @@ def start_test(
         controller = Controller(law="joint")
     else:
         warn_if_for_rigid(robot, controller, effects)
-    pose = pose_of(robot, robot.home if start is None else start, "start")
+    pose = as_row(robot, robot.home if start is None else start, "start")
     settings = _core.StartSettings()
     settings.motion, settings.pairs = motion, pairs
     plant = _core.Effects()
@@ -190,7 +190,7 @@ def start_test(
     run = _core.simulate_start(
         finest.core,
         truth.core,
-        controller.settings(robot, pose[: robot.n]),
+        controller.settings(robot, pose),
         settings,
         knowledge.knowledge(finest).core,
         plant,
