@@ -543,7 +543,7 @@ TEST("at rest the robot is learnt, the law goes by it without a step, and it can
 TEST("memory holds what the largest robot learns, as many parameters as a table has") {
   Robot robot = hexapod("hexapod", Actuator::telescopic).robot;
   std::fill(robot.sensor.begin(), robot.sensor.end(), robot.sensor[1]);
-  robot.r = kMaxReadings - robot.motors;
+  robot.r = kMaxSensors;
   const truepose_description table = table_of(robot);
   truepose_model model;
   CHECK(truepose_load(&model, sizeof model, &table).status == TRUEPOSE_OK);
