@@ -113,7 +113,7 @@ def test_diagonal_gains_place_their_poles_where_they_were_set_up_alone(h4, table
     kp = np.array(tp.Controller(gains="diagonal").settings(h4, MOVE_FROM).kp[:4])
     poles = np.sqrt(np.linalg.eigvals(np.linalg.solve(inertia, np.diag(kp))).real)
     assert poles.min() == pytest.approx(84, abs=1) and poles.max() == pytest.approx(254, abs=1)
-    assert tp.Controller().settings(h4, h4.home).kp[:4] == [150**2] * 4
+    assert tp.Controller().settings(h4, h4.home).kp[:4].tolist() == [150**2] * 4
 
 
 def test_less_damping_is_stiffer_at_the_same_limit_cycle(h4):

@@ -106,7 +106,7 @@ def test_every_tolerance_acts(any_robot):
             assert np.abs(effect).max() > 1e-9, name
 
 
-@pytest.mark.parametrize(("name", "most"), [("h4", 12), ("stewart", 10)])
+@pytest.mark.parametrize(("name", "most"), [("h4", 12), ("stewart", 12)])
 def test_as_many_sensors_as_fit_can_be_in_use(name, most):
     spec = tp.load(name).spec
     one = spec.sensor[0]
