@@ -138,7 +138,7 @@ SingularValues singular_values(const RowMatrix& A) {
         turned = true;
         const double zeta = (b - a) / (2 * c);
         const double t = std::copysign(1, zeta) / (std::fabs(zeta) + std::sqrt(1 + zeta * zeta));
-        const double cosine = 1 / std::hypot(1, t), sine = cosine * t;
+        const double cosine = 1 / std::sqrt(1 + t * t), sine = cosine * t;
         for (int k = 0; k < m + n; ++k) {
           const double x = column[i][k], y = column[j][k];
           column[i][k] = cosine * x - sine * y;

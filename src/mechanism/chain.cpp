@@ -49,8 +49,11 @@ Real shortfall(const Chain& chain, const Vec3& d) {
   const Real along = chain.axis.dot(d);
   const Real across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
   if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
-  const Real nearest = std::hypot(across - chain.arm, along);
-  const Real farthest = std::hypot(across + chain.arm, along);
+  const auto length = [](Real a, Real b) {
+    return std::sqrt(a * a + b * b);
+  };  // no hypot: glibc 2.35
+  const Real nearest = length(across - chain.arm, along);
+  const Real farthest = length(across + chain.arm, along);
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 

@@ -49,7 +49,7 @@ def test_an_h4_with_control_fits_a_small_machine(said):
     assert row(said, "control")[0] <= 98
     mean, worst, stack = row(said, "control, TEJ")
     assert mean <= worst <= 10_000
-    assert stack <= 12_000
+    assert stack <= 13_000
 
 
 def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_path):
