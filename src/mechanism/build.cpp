@@ -2,20 +2,17 @@
 
 namespace truepose {
 namespace {
-using engine::Body;
-using engine::Kind;
-
 /// Adds bodies one by one, each with freedoms of its own.
 struct Builder {
   engine::Mechanism& m;
 
-  int add(const Body& body) {
+  int add(const engine::Body& body) {
     m.body[m.bodies] = body;
     m.freedoms = std::max(m.freedoms, body.freedom + body.count);
     return m.bodies++;
   }
   int hinge(int parent, const Vec3& origin, const Vec3& axis) {
-    return add({Kind::hinge, parent, m.freedoms, 1, origin, axis});
+    return add({engine::Kind::hinge, parent, m.freedoms, 1, origin, axis});
   }
 };
 
@@ -31,9 +28,9 @@ void carry_platform(const Robot& robot, Builder builder, Built& built) {
   }
   const bool free = built.layout == Layout::free, full = built.layout == Layout::full;
   const int positions = free ? 3 : positions_of(mobility);
-  platform = builder.add({Kind::shift, -1, builder.m.freedoms, positions});
+  platform = builder.add({engine::Kind::shift, -1, builder.m.freedoms, positions});
   if (free || mobility == Mobility::spatial)
-    platform = builder.add({Kind::ball, platform, builder.m.freedoms, 3});
+    platform = builder.add({engine::Kind::ball, platform, builder.m.freedoms, 3});
   else if (turns_about_z(mobility) || full)
     platform = builder.hinge(platform, Vec3::Zero(), Vec3::UnitZ());
   if (!free && (turns_about_z(mobility) || full)) built.yaw = builder.m.freedoms - 1;
@@ -48,14 +45,15 @@ int carrier(const Robot& robot, int i, Builder builder, const Built& built) {
   if (built.layout == Layout::ideal) {
     const bool keeps = chain.bar >= 0 || chain.anchor.squaredNorm() > 0;
     if (!turns_about_z(robot.mobility) || !keeps) return built.platform;
-    return builder.add({Kind::hinge, built.platform, built.yaw, 1, chain.pivot, Vec3::UnitZ(), -1});
+    return builder.add(
+        {engine::Kind::hinge, built.platform, built.yaw, 1, chain.pivot, Vec3::UnitZ(), -1});
   }
   if (chain.bar < 0) return built.platform;
   for (int k = 0; k < i; ++k)
     if (robot.chain[k].bar == chain.bar && (robot.chain[k].pivot - chain.pivot).squaredNorm() == 0)
       return built.bar[k];
   const int freedom = built.turn_of(robot, chain.bar);
-  return builder.add({Kind::hinge, built.platform, freedom, 1, chain.pivot, Vec3::UnitZ()});
+  return builder.add({engine::Kind::hinge, built.platform, freedom, 1, chain.pivot, Vec3::UnitZ()});
 }
 }  // namespace
 
@@ -72,7 +70,8 @@ void build(const Robot& robot, Layout layout, Built& built) {
   m.sign = layout == Layout::full ? robot.full.sign : robot.assembly_sign;
   for (int i = 0; i < n; ++i) {
     const Chain& chain = robot.chain[i];
-    const Kind kind = chain.actuator == Actuator::revolute ? Kind::hinge : Kind::slide;
+    const engine::Kind kind =
+        chain.actuator == Actuator::revolute ? engine::Kind::hinge : engine::Kind::slide;
     const bool leg = chain.actuator == Actuator::telescopic;
     built.arm[i] = leg ? -1 : builder.add({kind, -1, i, 1, chain.base, chain.axis});
   }
