@@ -49,11 +49,8 @@ Real shortfall(const Chain& chain, const Vec3& d) {
   const Real along = chain.axis.dot(d);
   const Real across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
   if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
-  const auto length = [](Real a, Real b) {
-    return std::sqrt(a * a + b * b);
-  };  // no hypot: glibc 2.35
-  const Real nearest = length(across - chain.arm, along);
-  const Real farthest = length(across + chain.arm, along);
+  const Real nearest = Vec3(across - chain.arm, along, 0).norm();
+  const Real farthest = Vec3(across + chain.arm, along, 0).norm();
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
