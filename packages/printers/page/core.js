@@ -57,10 +57,10 @@ class Robot {
     this.model = core.alloc(MODEL_BYTES);
     this.call("load", 0, MODEL_BYTES, binary(of.description));
     of.root.forEach((row, k) => root.set(row, k * p));
-    // The knowledge: count, -, column, root, sigma.
+    // The knowledge: count, column, root, -, sigma.
     this.known = core.put([0, 0, ...of.sigma, ...Array(READINGS - of.sigma.length).fill(0)]);
     const arrays = [core.put(Int32Array.from(of.parameters, ({ column }) => column)), core.put(root)];
-    core.i32(this.known, 4).set([p, 0, ...arrays]);
+    core.i32(this.known, 3).set([p, ...arrays]);
     this.work = core.alloc(8 * core.c.truepose_work(this.model, p));
   }
   // A function of the core: numbers as they are, arrays in memory; the first `count` numbers of the last one.
