@@ -236,6 +236,7 @@ TEST("3-RPS, 3-PRS, planar 4-RRR and two balls close at every pose, there and ba
       gap = std::max({gap, at.residual, back.residual});
       for (int j = 0; j < m.freedoms; ++j) apart = std::max(apart, std::fabs(at.y[j] - back.y[j]));
       if (k >= 20) continue;
+      CHECK((engine::mode_of(m, at) == 0) == (m.motors > m.coordinates));
       slope = std::max(slope, row_error(m, at.y));
       // J and its inverse are followed separately: J ∂q/∂x = 1.
       engine::Freedoms x;
