@@ -1,3 +1,4 @@
+// The members of the structs of truepose.h that are the core's, by name: one table for each.
 #include "c/fields.hpp"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// The (Bayesian, linear-Gaussian) Cramér-Rao bound of the pose.
 #include "calibration/bound.hpp"
 
 namespace truepose {

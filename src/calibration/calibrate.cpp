@@ -1,3 +1,4 @@
+// Maximum a posteriori estimate of ξ from a robot's own readings.
 #include "calibration/calibrate.hpp"
 
 #include "calibration/iterate.hpp"

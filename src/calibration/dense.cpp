@@ -1,3 +1,4 @@
+// Matrices whose size is known at run time only, for offline code, and the algebra that it needs.
 #include "calibration/dense.hpp"
 
 #include <algorithm>

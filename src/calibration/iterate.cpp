@@ -1,3 +1,4 @@
+// One iterate of a batch calibration, and the equations of the step from it.
 #include "calibration/iterate.hpp"
 
 namespace truepose {

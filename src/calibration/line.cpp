@@ -1,3 +1,4 @@
+// One row of readings as linear equations in ξ, with its pose eliminated.
 #include "calibration/line.hpp"
 
 #include "calibration/model_error.hpp"

@@ -1,3 +1,4 @@
+// Differences between visited poses as linear equations in ξ, with the poses eliminated.
 #include "calibration/links.hpp"
 
 #include <numeric>

@@ -1,3 +1,4 @@
+// Robust losses of a row's residual, and the row's weight.
 #include "calibration/loss.hpp"
 
 #include <algorithm>

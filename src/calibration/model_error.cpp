@@ -1,3 +1,4 @@
+// Errors that the ideal level omits, and their size.
 #include "calibration/model_error.hpp"
 
 namespace truepose {

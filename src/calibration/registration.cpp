@@ -1,3 +1,4 @@
+// Registration of an external measurement: frame of the tracker and place of the marker.
 #include "calibration/registration.hpp"
 
 #include <numbers>

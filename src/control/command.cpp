@@ -1,3 +1,4 @@
+// Motor positions for a commanded pose: the inverse model with every check.
 #include "control/command.hpp"
 
 namespace truepose {

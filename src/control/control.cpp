@@ -1,3 +1,4 @@
+// One control cycle: readings and setpoint in, motor torques out.
 #include "control/control.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// The reduced dynamic model, in the platform's coordinates.
 #include "control/dynamics.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Largest second derivative of readings within the motors' torque limits.
 #include "control/fastest.hpp"
 
 namespace truepose {

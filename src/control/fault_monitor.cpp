@@ -1,3 +1,4 @@
+// Detection and isolation of faulty readings (FDI).
 #include "control/fault_monitor.hpp"
 
 #include "control/monitored_cycle.hpp"

@@ -1,3 +1,4 @@
+// Settings and state of the fault monitor.
 #include "control/fault_monitor_state.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// The fault-tolerant controller: fault monitor, law, stop and brakes.
 #include "control/fault_tolerant_control.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Age of frames of readings, from their counter or timestamp.
 #include "control/frame_clock.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Joint states from motor states, and motor commands from joint commands, on passive axes.
 #include "control/joints.hpp"
 
 namespace truepose {

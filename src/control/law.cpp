@@ -1,3 +1,4 @@
+// Control laws: motor errors from readings, the paper's three and two that weigh the readings.
 #include "control/law.hpp"
 
 namespace truepose {
@@ -106,6 +107,7 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
   if (!weighing) return {Status::not_measured, -1};
   return find(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
 }
+
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference, Real band,
               const Weighing& weighing, Parasitic* nearby) {
   if (robot.r == 0 && properties(law).sensed) return {Status::not_measured, -1};

@@ -1,3 +1,4 @@
+// Settings of the momentum observer from a robot and its controller.
 #include "control/momentum_defaults.hpp"
 
 namespace truepose {

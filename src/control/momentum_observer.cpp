@@ -1,3 +1,4 @@
+// Observer of the generalised momentum: external forces, and what causes them.
 #include "control/momentum_observer.hpp"
 
 namespace truepose::momentum_detail {

@@ -1,3 +1,5 @@
+// One cycle of the fault monitor: its readings, tests of them, and the geometry's part of the
+// parity.
 #include "control/monitored_cycle.hpp"
 
 namespace truepose::fault_monitor_detail {

@@ -1,3 +1,4 @@
+// Multirate and delayed sensors: prediction of their present value.
 #include "control/multirate.hpp"
 
 namespace truepose {

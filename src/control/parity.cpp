@@ -1,3 +1,4 @@
+// Parity: the disagreement of the redundant readings with the motors.
 #include "control/parity.hpp"
 
 namespace truepose {

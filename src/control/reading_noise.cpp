@@ -1,3 +1,4 @@
+// Noise of a reading, its sampling interval, and a smoothed reading.
 #include "control/reading_noise.hpp"
 
 namespace truepose {

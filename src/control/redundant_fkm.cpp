@@ -1,3 +1,4 @@
+// The redundant forward kinematic model: the pose of all readings, near a known one.
 #include "control/redundant_fkm.hpp"
 
 namespace truepose {

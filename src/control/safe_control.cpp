@@ -1,3 +1,4 @@
+// One cycle of any law inside the safety shell, with or without the fault monitor.
 #include "control/safe_control.hpp"
 
 namespace truepose {

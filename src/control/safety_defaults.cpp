@@ -1,3 +1,5 @@
+// Limits of the safety shell from a robot and its controller, the needs of a path, and the distance
+// of a stop.
 #include "control/safety_defaults.hpp"
 
 namespace truepose::safety_detail {

@@ -1,3 +1,4 @@
+// Limits of the safety shell. truepose/offline/safety_defaults.hpp derives them from a robot.
 #include "control/safety_limits.hpp"
 
 namespace truepose {

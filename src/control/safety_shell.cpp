@@ -1,3 +1,5 @@
+// The safety shell around a law: checks of each cycle, and torques and brakes that follow from
+// them.
 #include "control/safety_shell.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// What explains the motions of a start-up test: a healthy robot, or one miswiring.
 #include "control/start_evidence.hpp"
 
 namespace truepose::start_detail {

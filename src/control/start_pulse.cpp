@@ -1,3 +1,4 @@
+// Push and opening time of a start-up test's pulses, within the bound of the platform's motion.
 #include "control/start_pulse.hpp"
 
 namespace truepose::start_detail {

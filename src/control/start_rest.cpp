@@ -1,3 +1,4 @@
+// Consistency of the readings at rest, before a start-up test has any torque.
 #include "control/start_rest.hpp"
 
 namespace truepose::start_detail {

@@ -1,3 +1,4 @@
+// The start-up test: proves every reading before a law may act.
 #include "control/start_test.hpp"
 
 #include "control/dynamics.hpp"

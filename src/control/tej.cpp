@@ -1,3 +1,4 @@
+// The extended-to-joint matrix (TEJ), which corrects motor errors by redundant readings.
 #include "control/tej.hpp"
 
 namespace truepose {

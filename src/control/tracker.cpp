@@ -1,3 +1,4 @@
+// Position and rate of a signal that is sampled once a cycle.
 #include "control/tracker.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// A straight move with a quintic time law.
 #include "control/trajectory.hpp"
 
 namespace truepose {

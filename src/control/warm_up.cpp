@@ -1,3 +1,4 @@
+// Warm-up: base, arms and rods grow with temperature, each by a share of its size.
 #include "control/warm_up.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// The gain matrix of an estimate, cached from cycle to cycle.
 #include "estimation/cached_gain.hpp"
 
 namespace truepose {

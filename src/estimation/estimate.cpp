@@ -1,3 +1,4 @@
+// The pose estimate from all readings together, and its covariance.
 #include "estimation/estimate.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Covariances of the geometry and of the readings: Σ_ξ and Σ_s.
 #include "estimation/knowledge.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Values and derivatives of all readings at a pose: q_e = [q; r], H_x = ∂q_e/∂x, H_ξ = ∂q_e/∂ξ.
 #include "estimation/linearise.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Online (recursive) calibration, one row of readings per cycle.
 #include "estimation/online_calibration.hpp"
 
 namespace truepose::online_detail {

@@ -1,3 +1,4 @@
+// Online calibration beside the control cycle.
 #include "estimation/online_calibrator.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Residual tests of one row of readings: contradiction, its isolation, its duration.
 #include "estimation/residual_test.hpp"
 
 namespace truepose {

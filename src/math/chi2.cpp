@@ -1,3 +1,4 @@
+// Tails of the χ² distribution with an integer number of degrees of freedom.
 #include "math/chi2.hpp"
 
 namespace truepose {

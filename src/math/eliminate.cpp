@@ -1,3 +1,4 @@
+// Elimination of the pose from the readings' linear model, which leaves rows in ξ alone.
 #include "math/eliminate.hpp"
 
 namespace truepose {

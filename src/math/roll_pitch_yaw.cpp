@@ -1,3 +1,4 @@
+// Roll, pitch and yaw of machine controllers: R = Rz(yaw) Ry(pitch) Rx(roll).
 #include "math/roll_pitch_yaw.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Rotations and rotation vectors: exp, log and the angle θ about z.
 #include "math/so3.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Solution of a small square system: Newton's step, the columns of J, the sign of det J_x.
 #include "math/square.hpp"
 
 #include "math/vec3.hpp"

@@ -97,12 +97,15 @@ struct Mat3 {
 constexpr Vec3 operator*(const Mat3& A, const Vec3& b) {
   return b.x() * A.col(0) + b.y() * A.col(1) + b.z() * A.col(2);
 }
+
 constexpr Mat3 operator*(const Mat3& A, const Mat3& B) {
   return {{A * B.col(0), A * B.col(1), A * B.col(2)}};
 }
+
 constexpr Mat3 operator*(Real s, const Mat3& A) {
   return {{s * A.col(0), s * A.col(1), s * A.col(2)}};
 }
+
 constexpr Mat3 operator+(Mat3 A, const Mat3& B) { return A += B; }
 constexpr Mat3 operator-(const Mat3& A, const Mat3& B) { return A + -1 * B; }
 /// a bᵀ

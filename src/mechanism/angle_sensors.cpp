@@ -1,3 +1,4 @@
+// Readings of encoders on a chain's joints: elbow, platform-side joint, U-joint, load side.
 #include "mechanism/angle_sensors.hpp"
 
 namespace truepose {

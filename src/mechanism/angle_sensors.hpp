@@ -16,6 +16,7 @@ Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen);
 inline Sensed sense(Is<SensorKind::rod_in_plane>, const Sensor& sensor, const SeenChain& seen) {
   return sense_rod_angle(sensor, seen);
 }
+
 inline Sensed sense(Is<SensorKind::rod_lateral>, const Sensor& sensor, const SeenChain& seen) {
   return sense_rod_angle(sensor, seen);
 }

@@ -1,3 +1,4 @@
+// Angles of the passive axes that bring the platform to a given position and orientation.
 #include "mechanism/angles_of.hpp"
 
 namespace truepose {

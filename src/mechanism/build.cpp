@@ -1,3 +1,4 @@
+// Robots as mechanisms of the engine: y = [motors; x; hidden freedoms].
 #include "mechanism/build.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Loop closure of one chain: from the motor to B, and from the platform to the motor.
 #include "mechanism/chain.hpp"
 
 namespace truepose {

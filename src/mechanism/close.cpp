@@ -48,11 +48,13 @@ Freedoms motors(const Mechanism& mechanism) {
   list.add(0, mechanism.motors);
   return list;
 }
+
 Freedoms forward(const Mechanism& mechanism) {
   Freedoms list;
   list.add(mechanism.motors, mechanism.freedoms);
   return list;
 }
+
 Freedoms inverse(const Mechanism& mechanism) {
   Freedoms list = motors(mechanism);
   list.add(mechanism.motors + mechanism.coordinates, mechanism.freedoms);

@@ -1,3 +1,4 @@
+// Conditioning of a pose, and a damped Jacobian near singularities.
 #include "mechanism/damping.hpp"
 
 namespace truepose {

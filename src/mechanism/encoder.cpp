@@ -1,3 +1,4 @@
+// Reading of a rotary encoder with an eccentric disc.
 #include "mechanism/encoder.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// The forward kinematic model (FKM), by damped Newton iteration.
 #include "mechanism/fkm.hpp"
 
 namespace truepose {

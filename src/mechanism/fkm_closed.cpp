@@ -1,3 +1,4 @@
+// The forward kinematic model in closed form where the orientation is known: D is on n spheres.
 #include "mechanism/fkm_closed.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// The full level of the model: every rod by itself, a platform that tilts, bars that turn.
 #include "mechanism/full.hpp"
 
 #include "mechanism/angles_of.hpp"

@@ -1,3 +1,4 @@
+// Values and derivatives of all readings at the full level.
 #include "mechanism/full_linearise.hpp"
 
 namespace truepose {

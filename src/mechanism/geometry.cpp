@@ -1,3 +1,4 @@
+// The robot for given values of ξ.
 #include "mechanism/geometry.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Angular rate that a gyroscope on the platform reads: ω = W(x) ẋ, in the platform's frame.
 #include "mechanism/gyro.hpp"
 
 namespace truepose {

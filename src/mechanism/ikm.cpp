@@ -1,3 +1,4 @@
+// The inverse kinematic model (IKM): motor positions from a pose.
 #include "mechanism/ikm.hpp"
 
 namespace truepose {

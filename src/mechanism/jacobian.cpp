@@ -1,3 +1,4 @@
+// Jacobians between motions of platform and motors: J_x ẋ = J_q q̇, ẋ = J q̇.
 #include "mechanism/jacobian.hpp"
 
 #include <tuple>

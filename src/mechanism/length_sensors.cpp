@@ -1,3 +1,4 @@
+// Readings of length sensors: telemeter, draw-wire or ball bar, rod length.
 #include "mechanism/length_sensors.hpp"
 
 namespace truepose {

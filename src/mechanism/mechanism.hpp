@@ -78,6 +78,7 @@ struct Line {
 inline Line line_through(const Vec3& point, const Vec3& force) {
   return {force, point.cross(force)};
 }
+
 /// Twist times line.
 inline Real operator*(const Twist& twist, const Line& line) {
   return twist.velocity.dot(line.force) + twist.turn.dot(line.moment);

@@ -1,3 +1,4 @@
+// Derivatives of all readings by all geometric parameters, H_ξ; order and names of ξ.
 #include "mechanism/parameters.hpp"
 
 namespace truepose {

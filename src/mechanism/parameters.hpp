@@ -74,12 +74,14 @@ inline int parameter_count(const Robot& robot) {
   return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters +
          passive_axes(robot.mobility) * kAxisParameters;
 }
+
 int axis_column(const Robot& robot, int axis);
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
   assert(bar >= 0 && bar < kMaxBars);  // else it is a sensor's column: see parts_exist
   return robot.chains * kChainParameters + bar;
 }
+
 inline int sensor_column(const Robot& robot, int sensor) {
   assert(sensor >= 0 && sensor < robot.r);
   return robot.chains * kChainParameters + kMaxBars + sensor * kSensorParameters;

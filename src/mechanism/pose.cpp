@@ -1,3 +1,4 @@
+// Coordinates x, poses (D, R) and the free twists of a mobility.
 #include "mechanism/pose.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Readings of sensors of the platform's pose: angle, inclinometer, tracker.
 #include "mechanism/pose_sensors.hpp"
 
 namespace truepose {

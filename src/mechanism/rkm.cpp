@@ -1,3 +1,4 @@
+// The redundant kinematic model (RKM): readings of all redundant sensors at a pose.
 #include "mechanism/rkm.hpp"
 
 namespace truepose {

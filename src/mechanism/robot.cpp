@@ -1,3 +1,4 @@
+// Robots as plain data: chains, sensors, bodies. One struct serves every mechanism.
 #include "mechanism/robot.hpp"
 
 namespace truepose {

@@ -206,6 +206,7 @@ constexpr int dof(Mobility mobility) {
 constexpr bool is_rotational(Mobility mobility) {  // no invalid one is, of a robot to be refused
   return mobility >= Mobility::rotational_1 && mobility <= Mobility::rotational_3;
 }
+
 /// Number of passive axes.
 constexpr int passive_axes(Mobility mobility) {
   return is_rotational(mobility) ? dof(mobility) : 0;

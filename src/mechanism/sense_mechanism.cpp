@@ -1,3 +1,4 @@
+// Readings of sensors on a mechanism of the engine; derivatives as twists times lines.
 #include "mechanism/sense_mechanism.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Reading of a redundant sensor and its derivative by the pose: s(x), J_r.
 #include "mechanism/sensor.hpp"
 
 namespace truepose {

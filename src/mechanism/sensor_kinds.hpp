@@ -95,5 +95,6 @@ constexpr bool in_order(const Table& table, Column column) {
     if (static_cast<std::size_t>(table[k].*column) != k) return false;
   return true;
 }
+
 static_assert(in_order(kSensorTable, &SensorProperties::kind));
 }  // namespace truepose

@@ -1,3 +1,4 @@
+// Distribution of a batch's rows over the cores that this process may use; Ctrl-C ends it.
 #include "python/for_rows.hpp"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Structs of the core as Python classes, and their enumerations, by tables of their members.
 #include "python/structs.hpp"
 
 #include <cmath>

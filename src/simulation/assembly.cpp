@@ -1,3 +1,4 @@
+// Assembly modes: all poses for the same motor positions, by searches from many random poses.
 #include "simulation/assembly.hpp"
 
 namespace truepose {

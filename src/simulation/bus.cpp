@@ -1,3 +1,4 @@
+// Latest delivered samples of multirate or delayed sensors.
 #include "simulation/bus.hpp"
 
 namespace truepose {

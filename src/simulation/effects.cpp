@@ -1,3 +1,4 @@
+// Physical effects of the exact plant that the model omits: friction, compliance, backlash, ripple.
 #include "simulation/effects.hpp"
 
 namespace truepose {

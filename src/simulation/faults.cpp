@@ -1,3 +1,4 @@
+// Readings of faulty sensors.
 #include "simulation/faults.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// The plant: true geometry under motor torques, and its encoders' readings.
 #include "simulation/plant.hpp"
 
 namespace truepose {

@@ -1,3 +1,4 @@
+// Closed-loop simulation: nominal controller, true plant.
 #include "simulation/simulate.hpp"
 
 namespace truepose {

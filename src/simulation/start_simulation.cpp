@@ -1,3 +1,4 @@
+// Simulation of a start-up test: the true robot with brakes, miswired readings.
 #include "simulation/start_simulation.hpp"
 
 namespace truepose {

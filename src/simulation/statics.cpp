@@ -1,3 +1,4 @@
+// Static equilibrium under a controller, without simulation of the motion.
 #include "simulation/statics.hpp"
 
 #include "calibration/dense.hpp"

@@ -1,3 +1,4 @@
+// Deflection of rods, legs, belts and arms under load.
 #include "simulation/stretch.hpp"
 
 #include "calibration/dense.hpp"
