@@ -73,8 +73,7 @@ void to_c(const Robot& robot, const Coordinates& x, truepose_pose* pose) {
 }
 
 Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
-  const auto at = values<Coordinates>(x);
-  return robot.rod_by_rod() ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
+  return jacobian(level_of(robot), robot, values<Coordinates>(x), J);
 }
 
 /// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
@@ -102,8 +101,7 @@ Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* 
 
 Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
   Joint found{};
-  const Outcome outcome =
-      robot.rod_by_rod() ? command_full(robot, x, found) : command(robot, x, found);
+  const Outcome outcome = command(level_of(robot), robot, x, found);
   if (outcome) give(found, q);
   return outcome;
 }
@@ -112,30 +110,23 @@ Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
 Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
                truepose_real* conditioned) {
   Joint found{};
+  Pose at;
   Outcome outcome;
-  if (robot.mobility == Mobility::spatial && !robot.rod_by_rod()) {  // any pose is feasible
-    Pose at;
+  if (robot.mobility == Mobility::spatial) {  // any pose is feasible
     outcome = body(pose, at);
-    if (outcome) outcome = command(robot, at, found, conditioned);
   } else {
     Coordinates x = robot.home;
     outcome = coordinates(robot, pose, x);
-    if (outcome) outcome = motors(robot, x, found.data());
-    Joint serial{};
-    Real parallel = 0;
-    if (outcome && conditioned) outcome = conditioning(robot, x, parallel, serial);
-    if (outcome && conditioned)
-      *conditioned =
-          std::min(parallel, *std::min_element(serial.begin(), serial.begin() + robot.motors));
+    at = to_pose(robot.mobility, x);
   }
+  if (outcome) outcome = command(level_of(robot), robot, at, found, conditioned);
   if (outcome) give(found, q);
   return outcome;
 }
 
 FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
   if (cap < 1 || cap > kFkmCap) return {{Status::no_such_value, -1}};
-  const auto motors = values<Joint>(q);
-  return robot.rod_by_rod() ? fkm_full(robot, motors, x, cap) : fkm(robot, motors, x, cap);
+  return fkm(level_of(robot), robot, values<Joint>(q), x, cap);
 }
 /// f(robot) of a loaded model, else `unfinished`.
 template <class F>
@@ -221,18 +212,10 @@ truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepos
 truepose_outcome truepose_readings(const truepose_model* model, const truepose_real* x,
                                    truepose_real* q_e) {
   return c::asked(model, [&](const Robot& robot) {
-    const auto at = c::values<Coordinates>(x);
-    const bool full = robot.rod_by_rod();
-    Joint q{};
-    Reading r{};
-    Outcome outcome = full ? ikm_full(robot, at, q) : ikm(robot, at, q);
-    if (outcome.status == Status::joint_limit) outcome = {};  // q is computed
-    if (outcome) outcome = full ? rkm_full(robot, at, r) : rkm(robot, at, r);
-    if (outcome) {
-      std::fill_n(q_e, kMaxReadings, 0);
-      std::copy_n(q.begin(), robot.motors, q_e);
-      std::copy_n(r.begin(), robot.r, q_e + robot.motors);
-    }
+    Extended found{};
+    const Pose pose = to_pose(robot.mobility, c::values<Coordinates>(x));
+    const Outcome outcome = extended(level_of(robot), robot, pose, found);
+    if (outcome) c::give(found, q_e);
     return outcome;
   });
 }

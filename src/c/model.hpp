@@ -7,7 +7,6 @@
 #include "c/fields.hpp"
 #include "control/command.hpp"
 #include "estimation/online_calibrator.hpp"
-#include "mechanism/fkm.hpp"
 #include "mechanism/geometry.hpp"
 
 namespace truepose::c {

@@ -81,7 +81,7 @@ Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pos
   PoseRows H_x;
   ReadingCovariance C;
   Parasitic rest;
-  Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, rest);
+  Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, &rest);
   if (!outcome) return outcome;
   const int rows = dof(robot.mobility) + robot.r, m = acting.count, p = known.count;
   gather(robot, known, H_xi, rows, B, m);

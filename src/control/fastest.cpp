@@ -9,7 +9,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
   Closure closure;
   DynamicModel model;
   const Pose pose = to_pose(robot.mobility, x);
-  Outcome outcome = linearise(robot, pose, q_e, H_x, nullptr);
+  Outcome outcome = linearise(Level::ideal, robot, pose, q_e, H_x, nullptr);
   if (outcome) outcome = ikm(robot, pose, closure);
   if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;

@@ -12,7 +12,7 @@ Coordinates free(const Joint& of) {
 
 Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisState& joints) {
   Coordinates x = free(joints.position);
-  const Outcome found = fkm(robot, motors.position, x, cap);
+  const Outcome found = fkm(Level::ideal, robot, motors.position, x, cap);
   if (!found) return found;
   const int n = dof(robot.mobility);
   if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
@@ -44,7 +44,7 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   Closure closure;
   Jacobians at;
   AxisCommand result;
-  Outcome outcome = command(robot, desired, result.state.position);
+  Outcome outcome = command(Level::ideal, robot, desired, result.state.position);
   if (outcome) outcome = ikm(robot, desired, closure, false);
   if (outcome) outcome = jacobian(closure, at);
   if (outcome) result.state.velocity = at.joint_rate(free(wanted.state.velocity));

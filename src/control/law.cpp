@@ -6,7 +6,7 @@ namespace {
 Outcome linearise(const Robot& robot, const Reference& reference, Extended& q_e, PoseRows& H_x,
                   Real* H_xi, Parasitic& rest) {
   if (robot.rod_by_rod())
-    return linearise_full(robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
+    return truepose::linearise(Level::full, robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
   pose_rows(robot, reference.jacobians, reference.jr, H_x);
   if (H_xi) parameter_jacobian(robot, reference.closure, H_xi);
   return {};
@@ -51,12 +51,6 @@ Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Ref
   return outcome;
 }
 
-/// q_de with every rod closing its own loop.
-Outcome refer_full(const Robot& robot, Parasitic& rest, Reference& reference) {
-  const Outcome outcome = extended_full(robot, reference.closure.pose, reference.q_e, &rest);
-  return outcome ? within_limits(robot, motors_of(robot, reference.q_e)) : outcome;
-}
-
 /// TEJ of a law of all readings.
 Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
                Reference& reference) {
@@ -90,7 +84,7 @@ Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference&
     if (is_last(size, last, chi2, n + robot.r)) return outcome;
     if (left == 0) break;
     last = size;
-    outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, rest);
+    outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, &rest);
     if (outcome && !at.set_jacobians(robot, H_x)) break;
     if (outcome) outcome = at.weigh(robot, known, *weighing.kept);
   }
@@ -125,7 +119,8 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   extend(robot, reference.closure.q(), r, reference.q_e);
   reference.pose = reference.closure.pose;
   if (robot.rod_by_rod()) {
-    outcome = refer_full(robot, rest, reference);
+    outcome = extended(Level::full, robot, reference.pose, reference.q_e, &rest);
+    if (outcome) outcome = within_limits(robot, motors_of(robot, reference.q_e));
     // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
     if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
       outcome = found_pose(robot, law, reference.closure.pose, reference.q_e, reference.pose,

@@ -8,7 +8,6 @@
 #include "control/fastest.hpp"
 #include "control/trajectory.hpp"
 #include "mechanism/angles_of.hpp"
-#include "mechanism/full.hpp"
 #include "mechanism/gyro.hpp"
 #include "python/for_rows.hpp"
 #include "python/known.hpp"
@@ -22,8 +21,8 @@ namespace {
 struct Common {
   const Robot* robot = nullptr;
   const Known* known = nullptr;
-  int n = 0, e = 0;   ///< freedoms, readings
-  bool full = false;  ///< the first flag: the level of the model
+  int n = 0, e = 0;            ///< freedoms, readings
+  Level level = Level::ideal;  ///< the first flag
 };
 
 /// Arguments of a function over rows, of each kind in Python's order. None counts as not given.
@@ -64,12 +63,22 @@ struct Row : Common {
   }
 };
 
-/// A function of a pose's coordinates with one result, at either level.
-template <class Result, Outcome (*ideal)(const Robot&, const Coordinates&, Result&),
-          Outcome (*full)(const Robot&, const Coordinates&, Result&) = ideal>
+template <class Result>
+using AtLevel = Outcome (*)(Level, const Robot&, const Coordinates&, Result&);
+template <class Result>
+constexpr AtLevel<Result> at_level(AtLevel<Result> f) {
+  return f;
+}
+
+/// A function of a pose's coordinates with one result.
+template <class Result, auto f>
 Outcome of_x(const Row& r) {
   Result result{};
-  const Outcome outcome = (r.full ? full : ideal)(*r.robot, r.x(), result);
+  Outcome outcome;
+  if constexpr (requires { f(r.level, *r.robot, r.x(), result); })
+    outcome = f(r.level, *r.robot, r.x(), result);
+  else
+    outcome = f(*r.robot, r.x(), result);
   r.give(0, result);
   return outcome;
 }
@@ -104,26 +113,23 @@ const RowFunction kFunctions[] = {
     // Kinematics: (robot, x, full)
     {"ikm", "n",
      [](const Row& r) {
-       using Model = Outcome (*)(const Robot&, const Coordinates&, Joint&);
        const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
-       const Model model = own_mode ? (r.full ? Model(&command_full) : Model(&command))
-                                    : (r.full ? Model(&ikm_full) : Model(&ikm));
        Joint q{};
-       const Outcome outcome = model(*r.robot, r.x(), q);
+       const Outcome outcome =
+           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q);
        r.give(0, q);
        return outcome;
      }},
-    {"rkm", "r", of_x<Reading, rkm, rkm_full>},
+    {"rkm", "r", of_x<Reading, at_level<Reading>(rkm)>},
     {"fkm", "n",  // (robot, q, guess, full)
      [](const Row& r) -> Outcome {
-       const auto q = r.of<Joint>(0);
        Coordinates x = r.x(1);
-       const Outcome outcome = r.full ? fkm_full(*r.robot, q, x) : fkm(*r.robot, q, x);
+       const Outcome outcome = fkm(r.level, *r.robot, r.of<Joint>(0), x);
        r.give(0, x);
        return outcome;
      }},
     {"parasitic", "h", of_x<Coordinates, parasitic>},
-    {"jacobian", "nn", of_x<JointMatrix, jacobian, jacobian_full>},
+    {"jacobian", "nn", of_x<JointMatrix, at_level<JointMatrix>(jacobian)>},
     {"gyro", "3n", of_x<GyroRows, gyro>},
     {"redundant_fkm", "n",
      [](const Row& r) {
@@ -148,14 +154,10 @@ const RowFunction kFunctions[] = {
        return outcome;
      }},
     {"linearise", "en ep",  // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
-     [](const Row& r) -> Outcome {
-       const FullLevel& of = r.robot->full;
-       if (r.full && !of.own() && of.kind != FullKind::same) return {Status::no_full_level, -1};
+     [](const Row& r) {
        Extended q_e;
        PoseRows H_x;
-       Parasitic rest;
-       const Outcome outcome =
-           linearise(level(r.full), *r.robot, r.pose(), q_e, H_x, r.out[1], rest);
+       const Outcome outcome = linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]);
        r.give(0, H_x);
        return outcome;
      }},
@@ -167,7 +169,7 @@ const RowFunction kFunctions[] = {
        const std::size_t n = static_cast<std::size_t>(r.n);
        UnderLoad at;
        const Outcome outcome =
-           under_load(level(r.full), *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
+           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
                       scratch(r.e * parameter_count(*r.robot)).data(), at);
        r.give(0, at.q_e), r.give(2, at.tension);
        for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
@@ -302,7 +304,7 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        Pose pose = r.pose(1);
        const Estimate found =
-           estimate(level(r.full), *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
+           estimate(r.level, *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
        r.give(0, to_coordinates(r.robot->mobility, pose));
        r.give(1, found.covariance);
        *r.out[2] = found.chi2;
@@ -316,7 +318,7 @@ const RowFunction kFunctions[] = {
        double* work = r.work();
        Fused fusion;
        const Outcome outcome =
-           fused(level(r.full), *r.robot, r.known->view(), r.pose(), influences_at(r, 1), work,
+           fused(r.level, *r.robot, r.known->view(), r.pose(), influences_at(r, 1), work,
                  work + r.e * parameter_count(*r.robot), fusion);
        r.give(0, fusion.gain), r.give(1, fusion.tej);
        return outcome;
@@ -360,7 +362,7 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
   for (nb::handle given : args) take(given);
   for (auto [name, given] : kwargs) take(given);
   int n = 0, r = 0, p = 0, hidden = 0;
-  with.full = !with.flag.empty() && with.flag[0];
+  with.level = level(!with.flag.empty() && with.flag[0]);
   if (with.robot) {
     const Robot& robot = *with.robot;
     n = dof(robot.mobility), r = robot.r;
