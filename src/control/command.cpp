@@ -5,7 +5,7 @@ namespace {
 Outcome regular(const Robot& robot, const Pose&, const Closure& closure, Real* conditioning) {
   const Conditioning at(closure);
   const Outcome outcome = at.outcome();
-  if (outcome && other_mode(robot.assembly_sign, at.sign())) return {Status::branch_lost, -1};
+  if (outcome && other_mode(robot.assembly_sign, at.sign())) return {Status::branch_lost};
   if (outcome && conditioning) *conditioning = at.least();
   return outcome;
 }
@@ -14,8 +14,7 @@ Outcome regular(const Robot& robot, const Pose& pose, const FullClosure& closure
   JointMatrix J;
   Outcome outcome = jacobian(robot, closure, J);
   const engine::Mechanism& m = closure.built.mechanism;
-  if (outcome && other_mode(m.sign, engine::mode_of(m, closure.at)))
-    return {Status::branch_lost, -1};
+  if (outcome && other_mode(m.sign, engine::mode_of(m, closure.at))) return {Status::branch_lost};
   Closure ideal;
   if (outcome && conditioning) outcome = ikm(robot, pose, ideal);
   if (outcome && conditioning) *conditioning = Conditioning(ideal).least();

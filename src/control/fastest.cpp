@@ -20,7 +20,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
     limited = limited && robot.chain[i].torque_limit > 0;
   }
   const Ldlt mass(n, model.mass, size);
-  if (!mass.regular()) return Outcome{Status::singular, -1};
+  if (!mass.regular()) return {Status::singular};
   for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
     Coordinates acceleration{};
     const Real torque = force < n ? robot.chain[force].torque_limit : 1;

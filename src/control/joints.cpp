@@ -15,8 +15,7 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   const Outcome found = fkm(Level::ideal, robot, motors.position, x, cap);
   if (!found) return found;
   const int n = dof(robot.mobility);
-  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
-    return Outcome{Status::not_finite, -1};
+  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n)) return {Status::not_finite};
   Closure closure;
   Jacobians at;
   Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
@@ -38,7 +37,7 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   for (const Joint* values :
        {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
         &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
-    if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
+    if (!all_finite(*values, n)) return {Status::not_finite};
   const Pose desired = to_pose(robot.mobility, free(wanted.state.position)),
              now = to_pose(robot.mobility, free(joints.position));
   Closure closure;

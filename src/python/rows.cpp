@@ -93,22 +93,6 @@ struct RowFunction {
   std::size_t over = 0;  ///< which array's rows they are
 };
 
-Influences influences_at(const Row& r, std::size_t k) {
-  if (r.call.in.size() <= k) return {};
-  const std::size_t width = r.call.in[k].shape(1);
-  return {static_cast<int>(width) / r.e, r.call.in[k].data() + r.i * width};
-}
-
-Registration registration_of(const Row& r) {
-  const auto frame = [&](std::size_t k) {
-    const Rows& T = r.call.in[k];
-    return Frame{
-        {T(0, 3), T(1, 3), T(2, 3)},
-        Mat3::of(T(0, 0), T(0, 1), T(0, 2), T(1, 0), T(1, 1), T(1, 2), T(2, 0), T(2, 1), T(2, 2))};
-  };
-  return {frame(0), frame(1)};
-}
-
 const RowFunction kFunctions[] = {
     // Kinematics: (robot, x, full)
     {"ikm", "n",
@@ -318,7 +302,8 @@ const RowFunction kFunctions[] = {
        double* work = r.work();
        Fused fusion;
        const Outcome outcome =
-           fused(r.level, *r.robot, r.known->view(), r.pose(), influences_at(r, 1), work,
+           fused(r.level, *r.robot, r.known->view(), r.pose(),
+                 influences_at(*r.robot, r.call.in.size() > 1 ? &r.call.in[1] : nullptr, r.i), work,
                  work + r.e * parameter_count(*r.robot), fusion);
        r.give(0, fusion.gain), r.give(1, fusion.tej);
        return outcome;
@@ -329,7 +314,8 @@ const RowFunction kFunctions[] = {
     {"seen", "n n nn ng -",
      [](const Row& r) {
        const Mobility mobility = r.robot->mobility;
-       const Seen at = seen(mobility, registration_of(r), r.pose(2));
+       const auto frame = [&](std::size_t k) { return frame_of({4, 4, r.call.in[k].data()}); };
+       const Seen at = seen(mobility, {frame(0), frame(1)}, r.pose(2));
        const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
        r.give(0, to_coordinates(mobility, {at.p, at.Q, theta}));
        r.give(1, innovation(mobility, at, r.x(3).data()));

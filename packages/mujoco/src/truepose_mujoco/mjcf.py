@@ -189,7 +189,7 @@ class Model(Mechanism):
         body = add_body(world, "nacelle", home.D, home.R)
         self._freedom(body)
         # The ideal level never uses this inertia: set it to the largest known one.
-        inertia, mass = np.diag(centre.inertia).copy(), max(centre.mass, MASSLESS)
+        inertia, mass = np.diag(centre.inertia.reshape(3, 3)).copy(), max(centre.mass, MASSLESS)
         reach = max(0.1 * size, *(float(np.linalg.norm(chain.pivot)) for chain in self.chains))
         inertia[inertia == 0] = inertia.max() or mass * reach**2 / 3
         add(body, "inertial", pos=centre.pivot, mass=mass, diaginertia=inertia)
