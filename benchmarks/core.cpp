@@ -93,13 +93,14 @@ Inputs anywhere(const mechanisms::Mechanism& mechanism) {
     Joint q;
     Extended q_e;
     do at.x = mechanisms::random_pose(mechanism, random);
-    while (!ikm(mechanism.robot, at.x, q));  // an ankle's cranks cannot follow to every corner
+    while (!ikm(Level::ideal, mechanism.robot, at.x,
+                q));  // an ankle's cranks cannot follow to every corner
     const Pose pose = to_pose(K, at.x);
     in.guess.push_back(
         to_coordinates(K, mechanisms::nearby(K, pose, random, is_rotational(K) ? 1e-2 : 1e-3)));
     at.rate = mechanisms::random_joint(random, 0.5);
     at.acceleration = mechanisms::random_joint(random, 5);
-    if (!extended(mechanism.robot, mechanisms::nearby(K, pose, random, 1e-4), q_e))
+    if (!extended(Level::ideal, mechanism.robot, mechanisms::nearby(K, pose, random, 1e-4), q_e))
       std::printf("pose %d is out of reach\n", i);
     in.setpoint.push_back(at);
     in.q_e.push_back(q_e);
@@ -123,7 +124,8 @@ Inputs path(const Robot& robot, double off, double step) {
     pose.D += Vec3(off, -off, off);
     Extended q_e{};
     Parasitic rest;
-    if (!exact_readings(robot, pose, q_e, rest)) std::printf("the path is out of reach\n");
+    if (!extended(level_of(robot), robot, pose, q_e, &rest))
+      std::printf("the path is out of reach\n");
     for (int c = 0; c < 5 && step > 0; ++c) q_e[c] = quantized(q_e[c], step);
     in.setpoint.push_back(at);
     in.q_e.push_back(q_e);
@@ -149,7 +151,7 @@ Inputs never(const mechanisms::Mechanism& mechanism) {
       for (int k = 0; k < 45; ++k) {
         for (int i = 0; i < 4; ++i) x[i] = 0.5 * (inside[i] + out[i]);
         Joint q;
-        (command(robot, x, q) ? inside : out) = x;
+        (command(Level::ideal, robot, x, q) ? inside : out) = x;
       }
     }
     return x;
@@ -158,7 +160,7 @@ Inputs never(const mechanisms::Mechanism& mechanism) {
   for (int k = 0; k < kHostile; ++k) {
     Setpoint at{pose(k % 4)};
     Extended read{};
-    if (!extended(robot, to_pose(kH4, k % 3 == 0 ? at.x : pose(k / 4 % 4)), read))
+    if (!extended(Level::ideal, robot, to_pose(kH4, k % 3 == 0 ? at.x : pose(k / 4 % 4)), read))
       for (double& value : read) value = 4 * random();
     if (k % 7 == 1) read[k % 5] += std::pow(10, -3 + 3.5 * std::fabs(random()));
     if (k % 7 == 2) read = Extended{3 * random(), 3 * random(), 3 * random(), 3 * random(), 0.4};
@@ -184,9 +186,12 @@ void kinematics(const std::array<const char*, 5>& name, const Robot& robot, cons
   Joint q;
   JointMatrix J;
   Coordinates x;
-  each(name[0], [&](const Inputs& of, int i) { return ikm(robot, of.setpoint[i].x, q).status; });
-  each(name[1],
-       [&](const Inputs& of, int i) { return jacobian(robot, of.setpoint[i].x, J).status; });
+  each(name[0], [&](const Inputs& of, int i) {
+    return ikm(Level::ideal, robot, of.setpoint[i].x, q).status;
+  });
+  each(name[1], [&](const Inputs& of, int i) {
+    return jacobian(Level::ideal, robot, of.setpoint[i].x, J).status;
+  });
   each(name[2], [&](const Inputs& of, int i) {
     Closure closure;
     Jacobians jacobians;
@@ -195,11 +200,11 @@ void kinematics(const std::array<const char*, 5>& name, const Robot& robot, cons
   });
   each(name[3], [&](const Inputs& of, int i) {
     x = of.guess[i];
-    return fkm(robot, motors_of(robot, of.q_e[i]), x).status;
+    return fkm(Level::ideal, robot, motors_of(robot, of.q_e[i]), x).status;
   });
   each(name[4], [&](const Inputs& of, int i) {
     x = is_rotational(K) ? Coordinates{} : robot.home;
-    return fkm(robot, motors_of(robot, of.q_e[i]), x).status;
+    return fkm(Level::ideal, robot, motors_of(robot, of.q_e[i]), x).status;
   });
 }
 
@@ -335,7 +340,7 @@ int main(int argc, char** argv) {
   };
   each("H4 FKM from home, 12 steps", [&](const Inputs& of, int i) {
     Coordinates x = h4.home;
-    return fkm(h4, motors_of(h4, of.q_e[i]), x, 12).status;
+    return fkm(Level::ideal, h4, motors_of(h4, of.q_e[i]), x, 12).status;
   });
   each("H4 FKM, closed, θ known", [&](const Inputs& of, int i) {
     Vec3 D = Vec3::Zero();

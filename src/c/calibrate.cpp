@@ -13,7 +13,7 @@ constexpr double kTuning[] = {0, 1, 4};
 
 Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepose_log& log) {
   if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_STUDENT)
-    return {Status::no_such_part, -1};
+    return {Status::no_such_part};
   for (int k = 0; log.measured && k < robot.motors; ++k)
     if (!(log.measured_sigma[k] > 0)) return {Status::no_such_value, k};
   for (int k = 0; k < robot.motors + robot.r; ++k)
@@ -32,7 +32,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   std::vector<double> xi(parameter_count(drawn)), sigma;
   if (const Outcome outcome = drawn_parameters(drawn, xi.data()); !outcome) return outcome;
   for (int k = 0; mean && k < p; ++k) xi[prior.column[k]] = mean[k];
-  const auto known = converted<Knowledge>(prior);
+  const auto known = in<Knowledge>(&prior);
   ReadingLog readings;
   readings.count = log.rows, readings.q_e = log.readings;
   if (log.measured) {
@@ -49,7 +49,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   double chi2 = 0;
   for (int k = 0; k < log.rows; ++k)
     if (fit.redundancy[k] > 0) redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
-  if (redundancy == 0) return {Status::not_measured, -1};
+  if (redundancy == 0) return {Status::not_measured};
   result.iterations = fit.iterations, result.cost = fit.cost;
   result.rms = std::sqrt(chi2 / redundancy);
   result.used = static_cast<int>(std::count(fit.status.begin(), fit.status.end(), Status::ok));
@@ -60,10 +60,8 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
     const bool found = fit.status[k] == Status::ok;
     if (result.status) result.status[k] = static_cast<std::int32_t>(fit.status[k]);
     if (!result.x) continue;
-    Coordinates x;
-    x.fill(NAN);
-    if (found) x = to_coordinates(drawn.mobility, fit.pose[k]);
-    std::copy_n(x.begin(), n, result.x + k * n);
+    const Coordinates x = to_coordinates(drawn.mobility, fit.pose[k]);
+    for (int j = 0; j < n; ++j) result.x[k * n + j] = found ? x[j] : NAN;
   }
   return fit.outcome;
 }
@@ -74,15 +72,14 @@ extern "C" {
 truepose_outcome truepose_calibrate(const truepose_model* drawn, const truepose_knowledge* prior,
                                     const double* mean, const truepose_log* log,
                                     truepose_calibration* result) {
-  result->outcome = c::asked(
-      drawn, [&](const Robot& robot) { return c::calibrate(robot, *prior, mean, *log, *result); });
-  return result->outcome;
+  return result->outcome = c::with(drawn)(
+             [&](const Robot& robot) { return c::calibrate(robot, *prior, mean, *log, *result); });
 }
 
 truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t count,
                                           const int32_t* column, const double* value,
                                           truepose_model* model, size_t size) {
-  return c::asked(drawn, [&](const Robot& robot) -> Outcome {
+  return c::with(drawn)([&](const Robot& robot) -> Outcome {
     std::vector<double> xi(parameter_count(robot));
     if (const Outcome outcome = drawn_parameters(robot, xi.data()); !outcome) return outcome;
     for (int k = 0; k < count; ++k) {
@@ -92,10 +89,10 @@ truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t c
     }
     Robot changed = robot;
     if (const Outcome outcome = set_parameters(robot, xi.data(), changed); !outcome) return outcome;
-    c::Model* made = c::Model::make(model, size);
-    if (made == nullptr) return c::kTooSmall;
-    made->robot = changed;
-    return {};
+    return c::begun({}, model, size, [&](c::Model& made) {
+      made.robot = changed;
+      return Outcome{};
+    });
   });
 }
 }

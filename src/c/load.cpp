@@ -55,23 +55,20 @@ Outcome checked(const auto& parts, int count, int first) {
 
 /// The finished robot of a description.
 Outcome load(const truepose_description& of, Robot& robot) {
-  if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return {Status::other_version, -1};
+  if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return {Status::other_version};
   std::memcpy(static_cast<void*>(&robot), &of, sizeof of);
   Outcome outcome = parts_exist(robot);
-  if (outcome && !finite(robot)) outcome = {Status::not_finite, -1};
+  if (outcome && !finite(robot)) outcome = {Status::not_finite};
   if (outcome) outcome = checked(robot.chain, robot.chains, 0);
   if (outcome) outcome = checked(robot.sensor, robot.r, kSensorPart);
   if (outcome) outcome = checked(robot.body, robot.bodies, kBodyPart);
   if (outcome) outcome = checked(robot.axis, passive_axes(robot.mobility), kAxisPart);
   if (!outcome) return outcome;
   outcome = finish(robot);
-  if (outcome && robot.level == Level::full) {
-    outcome = finish_full(robot);
-    const bool has = robot.full.own() || robot.full.kind == FullKind::same;
-    if (outcome && !has) outcome = {Status::no_full_level, -1};
-  }
-  if (!outcome) robot.finished = false;
-  return outcome;
+  if (!outcome || robot.level == Level::ideal) return outcome;
+  outcome = finish_full(robot);
+  const bool has = robot.full.own() || robot.full.kind == FullKind::same;
+  return outcome && !has ? Outcome{Status::no_full_level} : outcome;
 }
 }  // namespace
 }  // namespace truepose::c
@@ -87,25 +84,25 @@ const char* truepose_status_text(int32_t status) { return describe(static_cast<S
 
 truepose_outcome truepose_load(truepose_model* model, size_t size,
                                const truepose_description* description) {
-  c::Model* made = c::Model::make(model, size);
-  return c::answer(made ? c::load(*description, made->robot) : c::kTooSmall);
+  return c::answer(
+      c::begun({}, model, size, [&](c::Model& made) { return c::load(*description, made.robot); }));
 }
 
 truepose_outcome truepose_description_of(const truepose_model* model,
                                          truepose_description* description) {
-  return c::asked(model, [&](const Robot& robot) {
+  return c::with(model)([&](const Robot& robot) {
     c::describe(robot, *description);
     return Outcome{};
   });
 }
 
 int32_t truepose_freedoms(const truepose_model* model) {
-  const Robot* robot = c::robot_of(model);
+  const Robot* robot = c::held(model);
   return robot ? robot->motors : 0;
 }
 
 int32_t truepose_sensors(const truepose_model* model) {
-  const Robot* robot = c::robot_of(model);
+  const Robot* robot = c::held(model);
   return robot ? robot->r : 0;
 }
 }

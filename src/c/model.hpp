@@ -1,4 +1,4 @@
-// The core's structs in memory from C callers, after a marker word.
+// The core's structs in memory from C callers, after a marker word; C's values as the core's.
 #pragma once
 
 #include <cstdint>
@@ -7,17 +7,21 @@
 #include "c/fields.hpp"
 #include "control/command.hpp"
 #include "estimation/online_calibrator.hpp"
-#include "mechanism/fkm.hpp"
 #include "mechanism/geometry.hpp"
 
 namespace truepose::c {
-/// A struct in opaque memory. `mark` differs in memory without a struct.
-template <class Opaque, class Itself, std::uint32_t kMark>
+/// The struct in opaque memory of C; specialised for each.
+template <class Opaque>
+struct Held;
+
+/// Its base. `mark` differs in memory without a struct.
+template <class Opaque, std::uint32_t kMark>
 struct InMemory {
   std::uint32_t mark = kMark;
 
   /// @return nullptr if the memory is too small or not aligned
-  static Itself* make(Opaque* memory, std::size_t size) {
+  static Held<Opaque>* make(Opaque* memory, std::size_t size) {
+    using Itself = Held<Opaque>;
     static_assert(sizeof(Itself) <= sizeof(Opaque) && alignof(Itself) <= alignof(Opaque));
     static_assert(std::is_trivially_destructible_v<Itself>);
     const bool fits = memory != nullptr && size >= sizeof(Itself) &&
@@ -25,44 +29,85 @@ struct InMemory {
     return fits ? new (memory) Itself : nullptr;
   }
   /// @return nullptr if the memory holds no struct
-  static Itself* of(Opaque* memory) {
-    Itself* itself = std::launder(reinterpret_cast<Itself*>(memory));
+  static const Held<Opaque>* of(const Opaque* memory) {
+    const auto* itself = std::launder(reinterpret_cast<const Held<Opaque>*>(memory));
     return itself->mark == kMark ? itself : nullptr;
   }
-  static const Itself* of(const Opaque* memory) { return of(const_cast<Opaque*>(memory)); }
+  static Held<Opaque>* of(Opaque* memory) {
+    return const_cast<Held<Opaque>*>(of(const_cast<const Opaque*>(memory)));
+  }
 };
 
-struct Model : InMemory<truepose_model, Model, 0x7452424fU> {
+template <>
+struct Held<truepose_model> : InMemory<truepose_model, 0x7452424fU> {
   Robot robot;
 };
+using Model = Held<truepose_model>;
 static_assert(std::is_trivially_copyable_v<Model>);  // C callers copy bytes
 
-/// The robot of a loaded model, else nullptr.
-inline const Robot* robot_of(const truepose_model* model) {
-  const Model* made = Model::of(model);
-  return made != nullptr && made->robot.finished ? &made->robot : nullptr;
+/// What a memory holds, of a model the loaded robot, else nullptr.
+template <class Opaque>
+auto* held(Opaque* memory) {
+  auto* made = Held<std::remove_const_t<Opaque>>::of(memory);
+  if constexpr (requires { made->robot; })
+    return made && made->robot.finished ? &made->robot : nullptr;
+  else
+    return made;
 }
 
-inline constexpr Outcome kUnfinished{Status::unfinished, -1}, kTooSmall{Status::too_small, -1};
+inline constexpr Outcome kUnfinished{Status::unfinished}, kTooSmall{Status::too_small};
 
-inline truepose_outcome answer(Outcome outcome) { return converted<truepose_outcome>(outcome); }
-inline truepose_outcome answer(Status status) { return answer(Outcome{status, -1}); }
+inline auto answer(const Outcome& of) { return converted<truepose_outcome>(of); }
+inline auto answer(Status of) { return answer(Outcome{of}); }
+inline auto answer(const FkmResult& of) { return converted<truepose_fkm_result>(of); }
+inline auto answer(const Estimate& of) { return converted<truepose_estimate_result>(of); }
 
-/// f(robot) of a loaded model, else `unfinished`.
-template <class F>
-truepose_outcome asked(const truepose_model* model, F&& f) {
-  const Robot* robot = robot_of(model);
-  return answer(robot ? Outcome(f(*robot)) : kUnfinished);
+/// with(memory, …)(f): f(what each holds), or `unfinished` where one holds nothing.
+template <class... Opaque>
+auto with(Opaque*... memory) {
+  return [=](auto&& f) {
+    const auto call = [&](auto*... of) {
+      using Result = decltype(f(*of...));
+      return answer((of && ...) ? f(*of...) : Result{kUnfinished});
+    };
+    return call(held(memory)...);
+  };
 }
 
-/// Copies a C array to the core's array, and back.
-template <class Values>
-Values values(const truepose_real* from) {
-  Values result{};
-  std::memcpy(result.data(), from, sizeof result);
+/// Makes a struct in a caller's memory: f(struct), which holds nothing if that fails.
+/// @param sound  of its settings
+template <class Opaque, class F>
+Outcome begun(Outcome sound, Opaque* memory, std::size_t size, F&& f) {
+  if (!sound) return sound;
+  auto* made = Held<Opaque>::make(memory, size);
+  if (made == nullptr) return kTooSmall;
+  const Outcome outcome = f(*made);
+  if (!outcome) made->mark = 0;
+  return outcome;
+}
+
+/// A C array or struct as the core's, and back.
+template <class Core, class C>
+Core in(const C* from) {
+  if constexpr (!std::is_same_v<C, truepose_real>) return converted<Core>(*from);
+  Core result{};
+  std::memcpy(static_cast<void*>(&result), from, sizeof result);
   return result;
 }
-void give(const auto& from, truepose_real* to) { std::memcpy(to, from.data(), sizeof from); }
+template <class Core, class C>
+void out(const Core& from, C* to) {
+  std::memcpy(to, &from, std::is_same_v<C, truepose_real> ? sizeof from : sizeof *to);
+}
+
+/// f(robot, found) of a loaded model; `found` goes to `to` where there is an answer.
+template <class Core, class C, class F>
+auto computed(const truepose_model* model, C* to, Core found, F&& f) {
+  return with(model)([&](const Robot& robot) {
+    const auto result = f(robot, found);
+    if (result) out(found, to);
+    return result;
+  });
+}
 
 /// Checks count and columns of a knowledge. @return no_such_part, and the invalid column's number
 Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least);
@@ -78,7 +123,7 @@ struct Known {
         CachedGain* kept = nullptr, bool asked = true) {
     if (!asked || known == nullptr || work == nullptr) return;
     sound = columns_exist(robot, *known, 0);
-    knowledge = converted<Knowledge>(*known);
+    knowledge = in<Knowledge>(known);
     weighing = {&knowledge, work, kept};
   }
   Known(const Known&) = delete;

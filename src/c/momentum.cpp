@@ -5,13 +5,13 @@
 using namespace truepose;
 
 namespace truepose::c {
-Status status_of(const MomentumSettings& s) {
-  if (!finite(s)) return Status::not_finite;
+Outcome sound(const MomentumSettings& s) {
+  if (!finite(s)) return {Status::not_finite};
   bool good = s.period >= 0 && s.share >= 0;
   for (const Real number : {s.bandwidth, s.alarm, s.named, s.kept, s.window, s.over})
     good = good && number > 0;
   for (int i = 0; i < kMaxMotors; ++i) good = good && s.sigma[i] >= 0 && s.give[i] >= 0;
-  return good ? Status::ok : Status::no_such_value;
+  return {good ? Status::ok : Status::no_such_value};
 }
 }  // namespace truepose::c
 
@@ -19,48 +19,41 @@ extern "C" {
 truepose_outcome truepose_momentum_defaults(const truepose_model* model,
                                             const truepose_control_settings* settings,
                                             truepose_momentum_settings* momentum) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
-    ControlSettings all;
-    const Status status = c::take(*settings, all);
-    if (status != Status::ok) return {status, -1};
-    MomentumSettings derived;
-    const Outcome outcome = default_momentum(robot, all, derived);
-    if (outcome) *momentum = c::converted<truepose_momentum_settings>(derived);
-    return outcome;
-  });
+  return c::computed(model, momentum, MomentumSettings{},
+                     [&](const Robot& robot, MomentumSettings& derived) {
+                       ControlSettings all;
+                       const Outcome outcome = c::take(*settings, all);
+                       return outcome ? default_momentum(robot, all, derived) : outcome;
+                     });
 }
 
 truepose_outcome truepose_fault_monitor_momentum(truepose_fault_monitor* monitor,
                                                  const truepose_momentum_settings* momentum) {
-  return c::of_monitor(monitor, [&](c::FaultTolerantSetup& setup) -> Outcome {
+  return c::with(monitor)([&](c::FaultTolerantSetup& setup) {
     MomentumSettings all;
     all.period = 0;
-    Status status = momentum ? c::take(*momentum, all) : Status::ok;
-    if (status == Status::ok) status = c::status_of(all);
-    if (status != Status::ok) return {status, -1};
+    const Outcome outcome = momentum ? c::take_sound(*momentum, all) : Outcome{};
+    if (!outcome) return outcome;
     setup.settings.momentum = all;
     setup.state.observer = {};
-    return {};
+    return outcome;
   });
 }
 
 truepose_outcome truepose_fault_monitor_observe(const truepose_model* model,
                                                 truepose_fault_monitor* monitor,
                                                 const truepose_real* torque) {
-  return c::asked(model, [&](const Robot& robot) {
-    c::FaultTolerantSetup* setup = c::FaultTolerantSetup::of(monitor);
-    if (setup == nullptr) return c::kUnfinished;
-    observe_forces(robot, setup->settings, setup->settings.monitor.period, true,
-                   c::values<Joint>(torque), setup->state);
+  return c::with(model, monitor)([&](const Robot& robot, c::FaultTolerantSetup& setup) {
+    observe_forces(robot, setup.settings, setup.settings.monitor.period, true, c::in<Joint>(torque),
+                   setup.state);
     return Outcome{};
   });
 }
 
 truepose_outcome truepose_fault_monitor_disturbance(const truepose_fault_monitor* monitor,
                                                     truepose_disturbance* disturbance) {
-  return c::of_monitor(monitor, [&](const c::FaultTolerantSetup& setup) {
-    const DisturbanceReport& seen = setup.state.observer;
-    *disturbance = c::converted<truepose_disturbance>(seen);
+  return c::with(monitor)([&](const c::FaultTolerantSetup& setup) {
+    c::out<DisturbanceReport>(setup.state.observer, disturbance);
     return Outcome{};
   });
 }

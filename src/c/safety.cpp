@@ -5,12 +5,14 @@
 using namespace truepose;
 
 namespace truepose::c {
-namespace {
-struct Shell : InMemory<truepose_safety_shell, Shell, 0x5368656CU> {
+template <>
+struct Held<truepose_safety_shell> : InMemory<truepose_safety_shell, 0x5368656CU> {
   SafetyLimits limits;
   SafetyShell shell;
 };
+using Shell = Held<truepose_safety_shell>;
 
+namespace {
 SafetyCycle cycle_of(const truepose_safety_marks& from) {
   SafetyCycle cycle;
   cycle.counter = {from.counter_given != 0, from.counter};
@@ -18,10 +20,6 @@ SafetyCycle cycle_of(const truepose_safety_marks& from) {
   cycle.known = from.known != 0;
   cycle.request = {from.start != 0, from.stop != 0, from.acknowledge != 0};
   return cycle;
-}
-
-void report_on(const SafetyReport& shell, truepose_safety_report* report) {
-  *report = converted<truepose_safety_report>(shell);
 }
 }  // namespace
 }  // namespace truepose::c
@@ -36,41 +34,36 @@ size_t truepose_safety_shell_size(void) { return sizeof(c::Shell); }
 truepose_outcome truepose_safety_defaults(const truepose_model* model,
                                           const truepose_control_settings* settings,
                                           truepose_safety_limits* limits) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
+  return c::computed(model, limits, SafetyLimits{}, [&](const Robot& robot, SafetyLimits& derived) {
     ControlSettings all;
-    const Status status = c::take(*settings, all);
-    if (status != Status::ok) return {status, -1};
-    SafetyLimits derived;
-    const Outcome outcome = default_limits(robot, all, derived);
-    if (outcome) *limits = c::converted<truepose_safety_limits>(derived);
-    return outcome;
+    const Outcome outcome = c::take(*settings, all);
+    return outcome ? default_limits(robot, all, derived) : outcome;
   });
 }
 
 truepose_outcome truepose_stopping_distance(const truepose_model* model,
                                             const truepose_safety_limits* limits, int32_t marked,
                                             truepose_real speed, truepose_real* distance) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
-    const auto core = c::converted<SafetyLimits>(*limits);
-    Outcome outcome = consistent(core, robot.motors, dof(robot.mobility));
-    if (outcome && !(speed >= 0 && speed < INFINITY)) outcome = {Status::no_such_value, -1};
-    return outcome ? stopping_distance(robot, core, marked != 0, speed, *distance) : outcome;
+  return c::with(model)([&](const Robot& robot) -> Outcome {
+    const auto core = c::in<SafetyLimits>(limits);
+    const Outcome outcome = consistent(core, robot.motors, dof(robot.mobility));
+    if (!outcome) return outcome;
+    if (!(speed >= 0 && speed < INFINITY)) return {Status::no_such_value};
+    return stopping_distance(robot, core, marked != 0, speed, *distance);
   });
 }
 
 truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t size,
                                             const truepose_model* model,
                                             const truepose_safety_limits* limits) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
+  return c::with(model)([&](const Robot& robot) {
     SafetyLimits all;
-    const Status status = c::take(*limits, all);
-    if (status != Status::ok) return {status, -1};
-    const Outcome outcome = consistent(all, robot.motors, dof(robot.mobility));
-    if (!outcome) return outcome;
-    c::Shell* made = c::Shell::make(shell, size);
-    if (made == nullptr) return c::kTooSmall;
-    made->limits = all;
-    return {};
+    Outcome sound = c::take(*limits, all);
+    if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
+    return c::begun(sound, shell, size, [&](c::Shell& made) {
+      made.limits = all;
+      return Outcome{};
+    });
   });
 }
 
@@ -79,22 +72,19 @@ truepose_outcome truepose_control_safely(
     truepose_fault_monitor* monitor, truepose_safety_shell* shell,
     const truepose_setpoint* setpoint, const truepose_real* q_e, const truepose_knowledge* known,
     truepose_real* work, const truepose_safety_marks* marks, truepose_safety_report* report) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
-    c::Controller* made = c::Controller::of(controller);
-    c::Shell* safe = c::Shell::of(shell);
-    c::FaultTolerantSetup* setup = monitor ? c::FaultTolerantSetup::of(monitor) : nullptr;
-    if (made == nullptr || safe == nullptr || (monitor && setup == nullptr)) return c::kUnfinished;
-    if (setup && !c::monitors(*setup, robot, finest)) return c::kUnfinished;
-    const bool weighs = setup || properties(made->settings.law).weighs;
-    const c::Known by(robot, known, work, &made->kept, weighs);
+  return c::with(model, controller,
+                 shell)([&](const Robot& robot, c::Controller& made, c::Shell& safe) {
+    c::FaultTolerantSetup* setup = monitor ? c::held(monitor) : nullptr;
+    if (monitor && !(setup && c::monitors(*setup, robot, finest))) return c::kUnfinished;
+    const c::Known by(robot, known, work, &made.kept, setup || made.weighs());
     if (!by.sound) return by.sound;
     SafetyCycle cycle = c::cycle_of(*marks);
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
-                              made->late};
-    const Outcome outcome = control_safely(
-        robot, made->settings, safe->limits, c::converted<Setpoint>(*setpoint),
-        c::values<Extended>(q_e), made->state, safe->shell, cycle, by.weighing, monitored);
-    c::report_on(safe->shell, report);
+                              made.late};
+    const Outcome outcome =
+        control_safely(robot, made.settings, safe.limits, c::in<Setpoint>(setpoint),
+                       c::in<Extended>(q_e), made.state, safe.shell, cycle, by.weighing, monitored);
+    c::out<SafetyReport>(safe.shell, report);
     return outcome;
   });
 }
@@ -103,23 +93,21 @@ truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_she
                                 const truepose_safety_cycle* cycle,
                                 const truepose_safety_marks* marks,
                                 truepose_safety_report* report) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
-    c::Shell* safe = c::Shell::of(shell);
-    if (safe == nullptr) return c::kUnfinished;
+  return c::with(model, shell)([&](const Robot& robot, c::Shell& safe) {
     SafetyCycle core = c::cycle_of(*marks);
     core.answer.status = static_cast<Status>(cycle->status);
     core.suspected = cycle->suspected | cycle->lost;
     core.lost = cycle->lost != 0;
     core.disagree = cycle->disagree != 0;
-    core.x = c::values<Coordinates>(cycle->x);
-    core.q_d = c::values<Joint>(cycle->q_d);
-    core.q = c::values<Joint>(cycle->q);
-    core.error = c::values<Joint>(cycle->error);
-    core.torque = c::values<Joint>(cycle->torque);
-    core.load = c::values<Joint>(cycle->load);
-    guard(robot, safe->limits, core, safe->shell);
-    c::report_on(safe->shell, report);
-    return {};
+    core.x = c::in<Coordinates>(cycle->x);
+    core.q_d = c::in<Joint>(cycle->q_d);
+    core.q = c::in<Joint>(cycle->q);
+    core.error = c::in<Joint>(cycle->error);
+    core.torque = c::in<Joint>(cycle->torque);
+    core.load = c::in<Joint>(cycle->load);
+    guard(robot, safe.limits, core, safe.shell);
+    c::out<SafetyReport>(safe.shell, report);
+    return Outcome{};
   });
 }
 }

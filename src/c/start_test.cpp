@@ -4,13 +4,13 @@
 using namespace truepose;
 
 namespace truepose::c {
-namespace {
-struct Start : InMemory<truepose_start_test, Start, 0x74726153U> {
+template <>
+struct Held<truepose_start_test> : InMemory<truepose_start_test, 0x74726153U> {
   StartSettings settings;
   SafetyLimits limits;
   StartTest test;
 };
-}  // namespace
+using Start = Held<truepose_start_test>;
 }  // namespace truepose::c
 
 extern "C" {
@@ -20,7 +20,7 @@ const char* truepose_start_finding_text(int32_t finding) {
 }
 
 void truepose_start_defaults(truepose_start_settings* settings) {
-  *settings = c::converted<truepose_start_settings>(StartSettings{});
+  c::out(StartSettings{}, settings);
 }
 
 size_t truepose_start_test_size(void) { return sizeof(c::Start); }
@@ -29,18 +29,16 @@ truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size
                                           const truepose_model* model,
                                           const truepose_start_settings* settings,
                                           const truepose_safety_limits* limits) {
-  return c::asked(model, [&](const Robot& robot) -> Outcome {
+  return c::with(model)([&](const Robot& robot) {
     SafetyLimits all;
-    Status status = c::take(*limits, all);
-    if (settings && settings->size != sizeof *settings) status = Status::other_version;
-    if (status != Status::ok) return {status, -1};
-    const Outcome outcome = consistent(all, robot.motors, dof(robot.mobility));
-    if (!outcome) return outcome;
-    c::Start* made = c::Start::make(test, size);
-    if (made == nullptr) return c::kTooSmall;
-    made->limits = all;
-    if (settings) made->settings = c::converted<StartSettings>(*settings);
-    return {};
+    Outcome sound = c::take(*limits, all);
+    if (settings && settings->size != sizeof *settings) sound = {Status::other_version};
+    if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
+    return c::begun(sound, test, size, [&](c::Start& made) {
+      made.limits = all;
+      if (settings) made.settings = c::in<StartSettings>(settings);
+      return Outcome{};
+    });
   });
 }
 
@@ -48,15 +46,12 @@ truepose_outcome truepose_start_test_cycle(const truepose_model* model, truepose
                                            const truepose_real* q_e, int32_t referenced,
                                            const truepose_knowledge* known, truepose_real* work,
                                            truepose_start_report* report) {
-  return c::asked(model, [&](const Robot& robot) {
-    c::Start* made = c::Start::of(test);
-    if (made == nullptr) return c::kUnfinished;
+  return c::with(model, test)([&](const Robot& robot, c::Start& made) {
     const c::Known by(robot, known, work);
     if (!by.sound) return by.sound;
-    start_test(robot, made->settings, made->limits, c::values<Extended>(q_e), referenced != 0,
-               made->test, by.weighing);
-    const StartReport& now = made->test;
-    *report = c::converted<truepose_start_report>(now);
+    start_test(robot, made.settings, made.limits, c::in<Extended>(q_e), referenced != 0, made.test,
+               by.weighing);
+    c::out<StartReport>(made.test, report);
     return Outcome{};
   });
 }

@@ -49,40 +49,13 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
   return {};
 }
 
-namespace {
-/// Rows and columns in the opposite order.
-RowMatrix reversed(RowMatrix A) {
-  std::ranges::reverse(A);
-  return A;
-}
-}  // namespace
-
-Outcome after_visiting(Level level, const Robot& robot, const Knowledge& prior, int nuisances,
-                       const std::vector<Visit>& visits, const Links& links, RowMatrix& root,
-                       const std::function<void()>& poll) {
-  VisitRows all;
-  const Outcome outcome = rows_of_visits(level, robot, prior, nuisances, visits, links, all, poll);
-  if (!outcome) return outcome;
-  const int p = prior.count;
-  // S is applied last, once: elimination acts on the rows, S on the columns.
-  const RowMatrix S(p, p, prior.root), N = plus_gram(RowMatrix(p, p), all.B);
-  // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
-  // that Σ_u = U⁻ᵀ U⁻¹, and the root is S U⁻ᵀ, lower times lower.
-  const RowMatrix information = sum(RowMatrix::identity(p), transposed(S) * (N * S));
-  const RowMatrix U = reversed(cholesky(reversed(information)));
-  RowMatrix inverse = RowMatrix::identity(p);
-  solve_lower(transposed(U), inverse);
-  root = S * inverse;
-  return {};
-}
-
 Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
               const Influences& acting, double* H_xi, double* B, Fused& fusion) {
   Extended q_e;
   PoseRows H_x;
   ReadingCovariance C;
   Parasitic rest;
-  Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, rest);
+  Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, &rest);
   if (!outcome) return outcome;
   const int rows = dof(robot.mobility) + robot.r, m = acting.count, p = known.count;
   gather(robot, known, H_xi, rows, B, m);

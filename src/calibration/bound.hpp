@@ -14,7 +14,8 @@ struct Visit {
   Influences influences{};
 };
 
-/// Information of visits on ξ: rows y = B δξ + ε of unit noise, the poses eliminated.
+/// Information of visits on ξ: rows y = B δξ + ε of unit noise, the poses eliminated. With u the
+/// parameters in units of the prior's root S, Σ_u⁻¹ = I + SᵀBᵀB S afterwards.
 struct VisitRows {
   RowMatrix B;             ///< per unit of each parameter (m, rad, one)
   std::vector<int> visit;  ///< visit of each row; for a link the first of its block
@@ -29,15 +30,6 @@ struct VisitRows {
 Outcome rows_of_visits(
     Level level, const Robot& robot, const Knowledge& prior, int nuisances,
     const std::vector<Visit>& visits, const Links& links, VisitRows& all,
-    const std::function<void()>& poll = [] {});
-
-/// Computes the posterior of ξ after readings at these poses: with u the parameters in units of the
-/// prior, Σ_u⁻¹ = I + Σ BᵀB over the rows after elimination.
-/// @param prior, nuisances, visits, links, poll  as for rows_of_visits
-/// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visits
-Outcome after_visiting(
-    Level level, const Robot& robot, const Knowledge& prior, int nuisances,
-    const std::vector<Visit>& visits, const Links& links, RowMatrix& root,
     const std::function<void()>& poll = [] {});
 
 /// Generalised least squares at a pose, as Fusion, and the resulting weighted TEJ.

@@ -50,7 +50,7 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
   const int n = dof(robot.mobility), readings = n + robot.r, p = known.count;
   Extended expected, residual{}, values{};
   PoseRows H_x;
-  const Outcome outcome = linearise(level, robot, pose, expected, H_x, H_xi, rest);
+  const Outcome outcome = linearise(level, robot, pose, expected, H_x, H_xi, &rest);
   if (!outcome) return outcome;
   if (q_e) {
     std::copy_n(q_e, readings, values.begin());

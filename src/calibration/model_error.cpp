@@ -7,8 +7,8 @@ Outcome left_out(const Robot& robot, const Knowledge& known, const Pose& pose, d
   const int rows = dof(robot.mobility) + robot.r, size = rows * parameter_count(robot);
   Extended q_e;
   PoseRows H_x;
-  Outcome outcome = linearise_full(robot, pose, q_e, H_x, H_xi);
-  if (outcome) outcome = linearise(robot, pose, q_e, H_x, H_xi + size);
+  Outcome outcome = linearise(Level::full, robot, pose, q_e, H_x, H_xi);
+  if (outcome) outcome = linearise(Level::ideal, robot, pose, q_e, H_x, H_xi + size);
   if (!outcome) return outcome;
   for (int k = 0; k < size; ++k) H_xi[k] -= H_xi[size + k];
   D = RowMatrix(rows, known.count);

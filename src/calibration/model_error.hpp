@@ -3,7 +3,7 @@
 
 #include "calibration/dense.hpp"
 #include "estimation/knowledge.hpp"
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 
 namespace truepose {
 /// Computes D of the model error of the ideal level. Axes that deviate from nominal tilt the

@@ -10,7 +10,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
   Closure closure;
   DynamicModel model;
   const Pose pose = to_pose(robot.mobility, x);
-  Outcome outcome = linearise(robot, pose, q_e, H_x, nullptr);
+  Outcome outcome = linearise(Level::ideal, robot, pose, q_e, H_x, nullptr);
   if (outcome) outcome = ikm(robot, pose, closure);
   if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
@@ -21,7 +21,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
     limited = limited && robot.chain[i].torque_limit > 0;
   }
   const Ldlt mass(n, model.mass, size);
-  if (!mass.regular()) return Outcome{Status::singular, -1};
+  if (!mass.regular()) return {Status::singular};
   for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
     Coordinates acceleration{};
     const Real torque = force < n ? robot.chain[force].torque_limit : 1;

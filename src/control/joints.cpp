@@ -13,11 +13,10 @@ Coordinates free(const Joint& of) {
 
 Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisState& joints) {
   Coordinates x = free(joints.position);
-  const Outcome found = fkm(robot, motors.position, x, cap);
+  const Outcome found = fkm(Level::ideal, robot, motors.position, x, cap);
   if (!found) return found;
   const int n = dof(robot.mobility);
-  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
-    return Outcome{Status::not_finite, -1};
+  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n)) return {Status::not_finite};
   Closure closure;
   Jacobians at;
   Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
@@ -39,13 +38,13 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   for (const Joint* values :
        {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
         &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
-    if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
+    if (!all_finite(*values, n)) return {Status::not_finite};
   const Pose desired = to_pose(robot.mobility, free(wanted.state.position)),
              now = to_pose(robot.mobility, free(joints.position));
   Closure closure;
   Jacobians at;
   AxisCommand result;
-  Outcome outcome = command(robot, desired, result.state.position);
+  Outcome outcome = command(Level::ideal, robot, desired, result.state.position);
   if (outcome) outcome = ikm(robot, desired, closure, false);
   if (outcome) outcome = jacobian(closure, at);
   if (outcome) result.state.velocity = at.joint_rate(free(wanted.state.velocity));

@@ -7,7 +7,7 @@ namespace {
 Outcome linearise(const Robot& robot, const Reference& reference, Extended& q_e, PoseRows& H_x,
                   Real* H_xi, Parasitic& rest) {
   if (robot.rod_by_rod())
-    return linearise_full(robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
+    return truepose::linearise(Level::full, robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
   pose_rows(robot, reference.jacobians, reference.jr, H_x);
   if (H_xi) parameter_jacobian(robot, reference.closure, H_xi);
   return {};
@@ -25,14 +25,14 @@ Outcome linearise_kept(const Robot& robot, const Weighing& weighing, const Refer
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
   const Outcome outcome = linearise(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
   if (!outcome) return outcome;
-  if (!at.set_jacobians(robot, H_x)) return {Status::singular, -1};
+  if (!at.set_jacobians(robot, H_x)) return {Status::singular};
   if (holds) return at.weigh(robot, known, kept);
   return refresh(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
 }
 
 /// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
 Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Reference& reference) {
-  if (!weighing) return {Status::not_measured, -1};
+  if (!weighing) return {Status::not_measured};
   const int n = dof(robot.mobility);
   PoseRows H_x;
   if (weighing.kept) {
@@ -52,12 +52,6 @@ Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Ref
   return outcome;
 }
 
-/// q_de with every rod closing its own loop.
-Outcome refer_full(const Robot& robot, Parasitic& rest, Reference& reference) {
-  const Outcome outcome = extended_full(robot, reference.closure.pose, reference.q_e, &rest);
-  return outcome ? within_limits(robot, motors_of(robot, reference.q_e)) : outcome;
-}
-
 /// TEJ of a law of all readings.
 Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
                Reference& reference) {
@@ -71,7 +65,7 @@ Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic&
 Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference& reference,
                   const Extended& q_e, Pose& found, Parasitic rest) {
   const int n = dof(robot.mobility);
-  if (!weighing) return {Status::not_measured, -1};
+  if (!weighing) return {Status::not_measured};
   const Knowledge& known = *weighing.known;
   CachedFusion at;
   PoseRows H_x;
@@ -91,7 +85,7 @@ Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference&
     if (is_last(size, last, chi2, n + robot.r)) return outcome;
     if (left == 0) break;
     last = size;
-    outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, rest);
+    outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, &rest);
     if (outcome && !at.set_jacobians(robot, H_x)) break;
     if (outcome) outcome = at.weigh(robot, known, *weighing.kept);
   }
@@ -104,13 +98,13 @@ Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference&
 Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                    Pose& found, const Weighing& weighing, const Parasitic& nearby) {
   if (law == Law::cartesian) return redundant_fkm(robot, q_e, desired, nearby, found);
-  if (!weighing) return {Status::not_measured, -1};
+  if (!weighing) return {Status::not_measured};
   return find(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
 }
 
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference, Real band,
               const Weighing& weighing, Parasitic* nearby) {
-  if (robot.r == 0 && properties(law).sensed) return {Status::not_measured, -1};
+  if (robot.r == 0 && properties(law).sensed) return {Status::not_measured};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm(robot, to_pose(robot.mobility, x_d), reference.closure);
@@ -122,12 +116,13 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   // The motors would have to pass through a singularity to reach another mode.
   const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
   if (outcome && !modes_meet && other_mode(robot.assembly_sign, reference.jacobians.sign))
-    outcome = {Status::branch_lost, -1};
+    outcome = {Status::branch_lost};
   if (!outcome) return outcome;
   extend(robot, reference.closure.q(), r, reference.q_e);
   reference.pose = reference.closure.pose;
   if (robot.rod_by_rod()) {
-    outcome = refer_full(robot, rest, reference);
+    outcome = extended(Level::full, robot, reference.pose, reference.q_e, &rest);
+    if (outcome) outcome = within_limits(robot, motors_of(robot, reference.q_e));
     // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
     if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
       outcome = found_pose(robot, law, reference.closure.pose, reference.q_e, reference.pose,
@@ -171,8 +166,7 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
                     ServoCycle* cycle) {
   const int n = dof(robot.mobility);
   const bool alone = properties(law).corrects == Corrects::motors;
-  if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
-    return Outcome{Status::not_finite, -1};
+  if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n)) return {Status::not_finite};
   Reference reference;
   Parasitic unknown;
   Parasitic& nearby = kept ? *kept : unknown;
@@ -181,7 +175,7 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
   Pose found;
   Joint e{};
   Outcome outcome = motor_error(robot, law, reference, q_e, e, found, weighing, nearby);
-  if (outcome && !all_finite(e, n)) outcome = {Status::not_finite, -1};
+  if (outcome && !all_finite(e, n)) outcome = {Status::not_finite};
   if (!outcome) return outcome;
   error = e;
   if (cycle == nullptr) return regular;

@@ -205,19 +205,9 @@ Reading MonitoredCycle::warm(const Real* H_xi, const Reading& cold) {
 void MonitoredCycle::refresh() {
   const Knowledge& known = *weighing_.known;
   Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
-  Extended q_e, beyond{};
-  PoseRows H_x;
-  Outcome outcome;
-  if (robot_.rod_by_rod()) {
-    Extended ideal;
-    outcome = linearise_full(robot_, monitor_.pose, q_e, H_x, H_xi);
-    if (outcome) outcome = extended(robot_, monitor_.pose, ideal);
-    for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
-  } else {
-    outcome = linearise(robot_, monitor_.pose, q_e, H_x, H_xi);
-  }
-  monitor_.known = bool(outcome);
-  if (!outcome) return;
+  Extended beyond;
+  monitor_.known = bool(geometry_at(robot_, monitor_.pose, H_xi, beyond));
+  if (!monitor_.known) return;
   parity_.open(robot_, known, H_xi, B);
   for (int k = 0; k < r_; ++k)
     for (int l = 0; l <= k; ++l)

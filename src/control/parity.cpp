@@ -88,6 +88,17 @@ Real Parity::expectation_noise(const Extended& noise, int reading) const {
   return std::sqrt(sum);
 }
 
+Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond) {
+  beyond.fill(0);
+  Extended q_e, ideal;
+  PoseRows H_x;
+  Outcome outcome = linearise(level_of(robot), robot, pose, q_e, H_x, H_xi);
+  if (!outcome || !robot.rod_by_rod()) return outcome;
+  outcome = extended(Level::ideal, robot, pose, ideal);
+  for (int c = 0; c < dof(robot.mobility) + robot.r; ++c) beyond[c] = q_e[c] - ideal[c];
+  return outcome;
+}
+
 Verdict parity_verdict(const Parity& parity, const std::array<Real, kMaxSensors + 1>& most,
                        const ReadingCovariance& V, const Reading& value, int r,
                        std::uint32_t without, int left_out) {

@@ -48,6 +48,9 @@ struct Parity {
   Real expectation_noise(const Extended& noise, int reading) const;
 };
 
+/// H_ξ of the robot's level at a pose, and the readings' addition to the ideal level's.
+Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond);
+
 /// χ² of a parity, and the readings that alone may explain it.
 struct Verdict {
   Real chi2 = 0;

@@ -3,14 +3,14 @@
 
 namespace truepose {
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const bool turns = robot.mobility == Mobility::schoenflies;
-  if (!turns && robot.mobility != Mobility::translation) return {Status::not_measured, -1};
+  if (!turns && robot.mobility != Mobility::translation) return {Status::not_measured};
   pose = Pose{};
   if (turns) {
     int k = 0;
     while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
-    if (k == robot.r) return {Status::not_measured, -1};
+    if (k == robot.r) return {Status::not_measured};
     pose.theta = measured(robot.sensor[k], q_e[dof(robot.mobility) + k]);
     pose.R = rotation_z(pose.theta);
   }
@@ -29,7 +29,7 @@ Outcome find(const Robot& robot, const Knowledge& known, Real* work, const Pose&
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
                       const Parasitic& nearby, Pose& pose) {
   if (in_closed_form(robot)) return redundant_fkm(robot, q_e, near.D, pose);
-  if (robot.r == 0) return {Status::not_measured, -1};
+  if (robot.r == 0) return {Status::not_measured};
   constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
   Knowledge alike;
   alike.sigma.fill(kSigma);
@@ -39,7 +39,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
 }
 
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
-  if (!robot.finished) return Outcome{Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   Pose pose;
   const Outcome outcome = redundant_fkm(robot, q_e, to_pose(robot.mobility, robot.home), {}, pose);
   if (outcome) x = to_coordinates(robot.mobility, pose);

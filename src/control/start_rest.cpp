@@ -16,18 +16,9 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   if (robot.r == 0 || !weighing) return 0;
   const Knowledge& known = *weighing.known;
   Real *H_xi = weighing.work, *B = H_xi + e * parameter_count(robot);
-  Extended at, beyond{}, noise{};
-  PoseRows H_x;
-  Outcome outcome;
-  if (robot.rod_by_rod()) {
-    Extended ideal;
-    outcome = linearise_full(robot, pose, at, H_x, H_xi);
-    if (outcome) outcome = extended(robot, pose, ideal);
-    for (int c = 0; c < e && outcome; ++c) beyond[c] = at[c] - ideal[c];
-  } else {
-    outcome = linearise(robot, pose, at, H_x, H_xi);
-  }
+  Extended beyond, noise{};
   Parity parity;
+  Outcome outcome = geometry_at(robot, pose, H_xi, beyond);
   if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
   if (!outcome) return INFINITY;
   parity.open(robot, known, H_xi, B);

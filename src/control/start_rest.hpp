@@ -3,7 +3,6 @@
 
 #include "control/law.hpp"
 #include "control/start_states.hpp"
-#include "mechanism/full_linearise.hpp"
 
 namespace truepose::start_detail {
 /// χ² of the readings at rest, against geometry, counts and noise; infinite beyond a stop, or

@@ -84,7 +84,7 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
   estimate_detail::Search search(robot, known, pose);
   Real *H_xi = work, *B = work ? work + search.rows * parameter_count(robot) : nullptr;
   const auto linearised = [&](Real* by_geometry) {
-    return linearise(level, robot, search.at, search.expected, search.H_x, by_geometry, rest);
+    return linearise(level, robot, search.at, search.expected, search.H_x, by_geometry, &rest);
   };
   Outcome outcome = linearised(H_xi);
   if (outcome) outcome = reading_covariance(robot, known, H_xi, B, search.C);

@@ -8,7 +8,7 @@
 
 #include "control/tej.hpp"
 #include "estimation/knowledge.hpp"
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 
 namespace truepose {
 inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose where readings agree
@@ -26,8 +26,8 @@ inline constexpr Real kLateStep = 1e-5;
 inline constexpr Real kFlat = 0.5;
 
 /// Share of the readings' slope that the elastic full level may neglect: its derivatives keep the
-/// rods' stress constant (full/full.hpp). Of whitened readings, which decide on a step, this is up
-/// to 0.04 on calibrated Par4s.
+/// rods' stress constant (mechanism/full.hpp). Of whitened readings, which decide on a step, this
+/// is up to 0.04 on calibrated Par4s.
 inline constexpr Real kElasticSlope = 0.1;
 
 /// Whether a Gauss-Newton step is the last.
@@ -208,7 +208,7 @@ struct Search {
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the start; out: x̂
 /// @param work   estimate_work(robot, known.count) numbers; nullptr where known.count = 0
-/// @param rest   as of ikm_full, for the full level
+/// @param rest   as of linearise, for the full level
 /// @param cap    steps
 /// @return not_converged, singular or unreachable where no pose is found; `pose` is then the start
 Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,

@@ -10,14 +10,14 @@ void pose_rows(const Robot& robot, const Jacobians& jacobians, const SensorRows&
   for (int k = 0; k < robot.r; ++k) H_x[n + k] = jr[k];
 }
 
-Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x, Real* H_xi) {
+namespace {
+Outcome linearise(const Robot& robot, const Closure& closure, Extended& q_e, PoseRows& H_x,
+                  Real* H_xi) {
   const int n = dof(robot.mobility);
-  Closure closure;
   Jacobians jacobians;
   Reading values;
   SensorRows jr;
-  Outcome outcome = ikm(robot, pose, closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  Outcome outcome = jacobian(closure, jacobians);
   if (outcome) outcome = rkm(robot, closure, values, jr);
   if (!outcome) return outcome;
   extend(robot, closure.q(), values, q_e);
@@ -32,5 +32,16 @@ Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows&
   }
   if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
   return outcome;
+}
+Outcome linearise(const Robot& robot, const FullClosure& closure, Extended& q_e, PoseRows& H_x,
+                  Real* H_xi) {
+  return truepose::linearise(robot, closure.built, closure.at, closure.pose.theta, q_e, H_x, H_xi);
+}
+}  // namespace
+
+Outcome linearise(Level level, const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x,
+                  Real* H_xi, Parasitic* rest) {
+  const auto of = [&](const auto& at) { return linearise(robot, at, q_e, H_x, H_xi); };
+  return closed(level, robot, pose, of, rest);
 }
 }  // namespace truepose

@@ -79,7 +79,7 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
     Extended expected, residual;
     PoseRows H_x;
     const Outcome outcome =
-        linearise(level, robot, line.pose, expected, H_x, last ? work.H_xi : nullptr, rest);
+        linearise(level, robot, line.pose, expected, H_x, last ? work.H_xi : nullptr, &rest);
     if (!outcome) return outcome;
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) {

@@ -5,7 +5,6 @@
 #pragma once
 
 #include "estimation/online_calibration.hpp"
-#include "mechanism/full_linearise.hpp"
 
 namespace truepose {
 /// The online calibrator. Arrays that it points to are the caller's; `robot` is the controller's.

@@ -165,11 +165,4 @@ FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap) {
   if (first) return first;
   return fkm_detail::search_from_home(robot, q, first, guess, pose, cap);
 }
-
-FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap) {
-  Pose pose = to_pose(robot.mobility, x);
-  const FkmResult result = fkm(robot, q, pose, cap);
-  x = to_coordinates(robot.mobility, pose);
-  return result;
-}
 }  // namespace truepose

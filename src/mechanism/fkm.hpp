@@ -61,7 +61,4 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
 /// @return unreachable: certainly no pose closes the loops. not_converged: none was found.
 /// singular: closed, but the motors do not determine the pose. branch_lost: closed in another mode.
 FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap);
-
-/// x = FKM(q). @param x  in: the guess; out: the pose. @param cap  maximum steps, at least 1
-FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap);
 }  // namespace truepose

@@ -17,25 +17,8 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
   closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
   for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
   for (int i = 0; i < dof(robot.mobility); ++i)
-    closure.q[i] = motor_reading(robot.chain[i], at.y[i]);
+    closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
   return result;
-}
-
-/// Notes the residual motion. @param ideal  freedoms of the ideal level at the same pose
-void note_residual(const FullClosure& closure, const engine::Row& ideal, Parasitic& rest) {
-  rest.known = true;
-  for (int j = 0; j < closure.built.mechanism.freedoms; ++j) rest.y[j] = closure.at.y[j] - ideal[j];
-}
-
-/// Calls own(closure) with all rods closed at x, same() where the full level is the ideal one.
-template <class Own, class Same>
-Outcome closed(const Robot& robot, const Coordinates& x, Own&& own, Same&& same) {
-  if (!robot.finished) return {Status::unfinished, -1};
-  if (robot.full.kind == FullKind::same) return same();
-  if (!robot.full.own()) return {Status::no_full_level, -1};
-  FullClosure closure;
-  const Outcome outcome = ikm_full(robot, to_pose(robot.mobility, x), closure);
-  return outcome ? own(closure) : outcome;
 }
 
 /// The mechanism at home as the ideal level has it.
@@ -49,6 +32,12 @@ Outcome at_home(const Robot& robot, Layout layout, FullClosure& home) {
   return outcome;
 }
 }  // namespace
+
+Parasitic FullClosure::residual(const engine::Row& ideal) const {
+  Parasitic rest{true, {}};
+  for (int j = 0; j < built.mechanism.freedoms; ++j) rest.y[j] = at.y[j] - ideal[j];
+  return rest;
+}
 
 FullPose to_full(const Pose& pose) {
   FullPose full{pose, {}};
@@ -69,9 +58,10 @@ Outcome full_rows(const Robot& robot, std::array<engine::Row, engine::kClosures>
   return outcome;
 }
 
-Outcome full_level(const Robot& robot, FullLevel& level) {
+Outcome finish_full(Robot& robot) {
+  if (!robot.finished) return {Status::unfinished, -1};
   const int n = dof(robot.mobility);
-  level = {};
+  FullLevel& level = robot.full = {};
   bool described = true;
   for (int i = 0; i < n; ++i) {
     level.bars = std::max(level.bars, robot.chain[i].bar + 1);
@@ -109,12 +99,8 @@ Outcome full_level(const Robot& robot, FullLevel& level) {
   return {};
 }
 
-Outcome finish_full(Robot& robot) {
-  return robot.finished ? full_level(robot, robot.full) : Outcome{Status::unfinished, -1};
-}
-
-FkmResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure,
-                   int cap, const Parasitic& rest) {
+FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure, int cap,
+              const Parasitic& rest) {
   if (!robot.finished) return {{Status::unfinished, -1}};
   for (int i = 0; i < dof(robot.mobility); ++i)
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
@@ -130,31 +116,7 @@ FkmResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosu
   return result;
 }
 
-FkmResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap) {
-  if (robot.finished && robot.full.kind == FullKind::same) return fkm(robot, q, x, cap);
-  if (robot.finished && !robot.full.own()) return {{Status::no_full_level, -1}};
-  FullPose pose = to_full(to_pose(robot.mobility, x));
-  FullClosure closure;
-  const FkmResult result = fkm_full(robot, q, pose, closure, cap);
-  if (robot.finished) x = to_coordinates(robot.mobility, pose);
-  return result;
-}
-
-Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
-  if (level == Level::ideal || !robot.full.own()) return fkm(robot, q, pose, kFkmStart).status;
-  FullPose full = to_full(pose);
-  FullClosure closure;
-  const Status status = fkm_full(robot, q, full, closure, kFkmStart, rest).status;
-  if (status != Status::ok) return status;
-  // D and θ are the coordinates; tilt and bars follow from them.
-  pose = full;
-  pose.R = turns_about_z(robot.mobility) ? rotation_z(pose.theta) : Mat3::Identity();
-  if (Closure ideal; ikm(robot, pose, ideal))
-    note_residual(closure, stand(robot, closure.built, ideal.q(), pose), rest);
-  return status;
-}
-
-FkmResult ikm_full(const Robot& robot, const Pose& pose, FullClosure& closure, Parasitic* rest) {
+FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasitic* rest) {
   Closure ideal;
   const Outcome outcome = ikm(robot, pose, ideal);
   if (!outcome) return {outcome};
@@ -169,21 +131,11 @@ FkmResult ikm_full(const Robot& robot, const Pose& pose, FullClosure& closure, P
     result = close_rods(robot, to_full(pose), unknown, kFkmIterations, near, closure);
     if (result || !near) break;
   }
-  if (result && rest) note_residual(closure, start, *rest);
+  if (result && rest) *rest = closure.residual(start);
   return result;
 }
 
-Outcome ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
-  return closed(
-      robot, x,
-      [&](const FullClosure& closure) {
-        q = closure.q;
-        return within_limits(robot, q);
-      },
-      [&] { return ikm(robot, x, q); });
-}
-
-Outcome jacobian_full(const Robot& robot, const FullClosure& closure, JointMatrix& J) {
+Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J) {
   const engine::Mechanism& m = closure.built.mechanism;
   Matrix<kMaxUnknowns, kMaxUnknowns> rates;
   Outcome outcome = engine::follow(m, closure.at, engine::forward(m), engine::motors(m), rates);
@@ -194,39 +146,6 @@ Outcome jacobian_full(const Robot& robot, const FullClosure& closure, JointMatri
     for (int i = 0; i < m.coordinates; ++i) J[i][j] = rates[i][j] / slope;
   }
   return outcome;
-}
-
-Outcome jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
-  return closed(
-      robot, x, [&](const FullClosure& closure) { return jacobian_full(robot, closure, J); },
-      [&] { return jacobian(robot, x, J); });
-}
-
-Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
-  FullClosure closure;
-  JointMatrix J;
-  Outcome outcome = ikm_full(robot, to_pose(robot.mobility, x), closure);
-  if (outcome) outcome = jacobian_full(robot, closure, J);
-  const engine::Mechanism& m = closure.built.mechanism;
-  if (outcome && other_mode(m.sign, engine::mode_of(m, closure.at)))
-    outcome = {Status::branch_lost, -1};
-  return outcome;
-}
-
-Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
-  rest.fill(0);
-  return closed(
-      robot, x,
-      [&](const FullClosure& closure) {
-        const Pose pose = to_pose(robot.mobility, x);
-        const Vec3 tilt = log_so3(closure.pose.R * pose.R.transpose());
-        const int tilts = turns_about_z(robot.mobility) ? 2 : 3;
-        for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
-        for (int k = tilts; k < dof(robot.mobility); ++k)
-          rest[k] = pose.theta + closure.pose.psi[k - tilts];
-        return Outcome{};
-      },
-      [] { return Outcome{}; });
 }
 
 Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
@@ -250,23 +169,5 @@ Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& mot
     if (const Sensor& sensor = robot.sensor[k]; sensor.kind == SensorKind::axis_angle)
       q_e[n + k] = sensor.gain * sense_axis(sensor, angles).value - sensor.offset;
   return {all_finite(q_e, n + robot.r) ? Status::ok : Status::not_finite, -1};
-}
-
-Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e, Parasitic* rest) {
-  FullClosure closure;
-  const Outcome outcome = ikm_full(robot, pose, closure, rest);
-  return outcome ? read(robot, closure.built, closure.at, closure.pose.theta, q_e) : outcome;
-}
-
-Outcome rkm_full(const Robot& robot, const Coordinates& x, Reading& values) {
-  return closed(
-      robot, x,
-      [&](const FullClosure& closure) {
-        Extended q_e;
-        const Outcome outcome = read(robot, closure.built, closure.at, closure.pose.theta, q_e);
-        std::copy_n(q_e.begin() + dof(robot.mobility), robot.r, values.begin());
-        return outcome;
-      },
-      [&] { return rkm(robot, x, values); });
 }
 }  // namespace truepose

@@ -36,7 +36,11 @@ struct FullClosure {
   Built built;
   engine::Position at;
   FullPose pose;
-  Joint q{};
+  Joint motors{};
+
+  const Joint& q() const { return motors; }
+  /// @param ideal  freedoms of the ideal level at the same pose
+  Parasitic residual(const engine::Row& ideal) const;
 };
 
 /// Whether a mobility needs spatial parallelograms: single rods could not hold the orientation.
@@ -44,11 +48,8 @@ constexpr bool paired(Mobility mobility) {
   return mobility == Mobility::translation || mobility == Mobility::schoenflies;
 }
 
-/// Determines whether a robot has a full level of its own, by the number of rods and freedoms and
-/// the rods' rank at home. @return the outcome of the inverse model at home
-Outcome full_level(const Robot& robot, FullLevel& level);
-
-/// Fills robot.full. Call after finish(); costs the ideal level nothing.
+/// Fills robot.full: whether the robot has a full level of its own, by the number of rods and
+/// freedoms and the rods' rank at home. Call after finish(); costs the ideal level nothing.
 /// @return the outcome of the inverse model at home
 Outcome finish_full(Robot& robot);
 
@@ -59,46 +60,22 @@ Outcome full_rows(const Robot& robot, std::array<engine::Row, engine::kClosures>
 /// x = FKM(q), all rods closed. The full level must be its own. Starts at D and θ of the guess.
 /// @param pose  in: the guess; out: D, R, ψ (the last iterate if not ok)
 /// @param rest  residual motion at a pose nearby
-FkmResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure,
-                   int cap = kFkmCap, const Parasitic& rest = {});
-/// The same for coordinates. @param x  in: the guess; out: the pose
-FkmResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap);
+FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure,
+              int cap = kFkmCap, const Parasitic& rest = {});
 
 /// Motor positions, tilt and bars' turns that hold D and θ (of a translation robot: D), all rods
 /// closed. Starts at the ideal inverse model.
 /// @param rest  in: residual motion at a pose nearby; out: at this one, if ok
-FkmResult ikm_full(const Robot& robot, const Pose& pose, FullClosure& closure,
-                   Parasitic* rest = nullptr);
-/// q = IKM(x) at the full level.
-/// @return joint_limit where a motor would have to pass its stops (`q` then shows how far)
-Outcome ikm_full(const Robot& robot, const Coordinates& x, Joint& q);
-
-/// The motors' pose at a level, where another search starts.
-/// @param rest  in: residual motion at a pose nearby; out: at this one, if ok
-Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest);
+FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure,
+              Parasitic* rest = nullptr);
 
 /// J at a closed position, ẋ = J q̇.
 /// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched
-Outcome jacobian_full(const Robot& robot, const FullClosure& closure, JointMatrix& J);
-Outcome jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J);
-
-/// The Jacobian's outcome at x, or branch_lost where the rods close in another assembly mode.
-Outcome same_full_mode(const Robot& robot, const Coordinates& x);
-
-/// Residual motion at the full level: the platform's turns against the ideal R (about x and y, of a
-/// translation robot about z as well) and each bar's turn against the base, θ + ψ_k.
-Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest);
+Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J);
 
 /// Readings of a mechanism in any position, its loops closed or not. With backlash or compliant
 /// arms the motors' encoders see one angle and the rods' joints another.
 /// @param motor, arm  angles or slides before the encoders' offsets
 Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                       const Joint& arm, Extended& q_e);
-
-/// q_e at a pose with all rods closed. @param rest  as of ikm_full
-/// @return not_measured: an angle at the hinge of a missing bar; not_finite: a sensor cannot read
-Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e, Parasitic* rest);
-
-/// r = RKM(x) at the full level, the tilt and the bars' turns included.
-Outcome rkm_full(const Robot& robot, const Coordinates& x, Reading& values);
 }  // namespace truepose

@@ -40,8 +40,4 @@ inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool 
   }
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
-
-/// q = IKM(x) for coordinates x of any mobility.
-/// @return joint_limit where a motor is beyond its stops (`q` then says how far)
-Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q);
 }  // namespace truepose

@@ -22,11 +22,9 @@ Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   return {inverse ? Status::ok : Status::singular, -1};
 }
 
-Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
-  Closure closure;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
+Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
   Jacobians jacobians;
-  if (outcome) outcome = jacobian(closure, jacobians);
+  const Outcome outcome = jacobian(closure, jacobians);
   if (!outcome) return outcome;
   Real sum = 0;  // becomes NaN if any value is
   for (int i = 0; i < jacobians.n; ++i)

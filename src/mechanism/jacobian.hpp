@@ -57,8 +57,8 @@ struct Jacobians {
 /// of J_q vanishes (type 1: the arm of `chain` is stretched or folded), with J_x and J_q.
 Outcome jacobian(const Closure& closure, Jacobians& jacobians);
 
-/// Computes J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
-Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J);
+/// J alone, n×n.
+Outcome jacobian(const Robot& robot, const Closure& closure, JointMatrix& J);
 
 /// Whether a determinant's sign differs from that at home, which proves another assembly mode. An
 /// equal sign proves nothing: a robot may have two regions of one sign.

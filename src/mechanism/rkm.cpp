@@ -11,26 +11,9 @@ Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorR
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
-Outcome rkm(const Robot& robot, const Coordinates& x, Reading& values) {
-  Closure closure;
-  SensorRows jr;
-  const Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
-  return outcome ? rkm(robot, closure, values, jr) : outcome;
-}
-
 Joint motors_of(const Robot& robot, const Extended& q_e) {
   Joint q{};
   std::copy_n(q_e.begin(), dof(robot.mobility), q.begin());
   return q;
-}
-
-Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
-  Closure closure;
-  Outcome outcome = ikm(robot, pose, closure);
-  Reading values;
-  SensorRows jr;
-  if (outcome) outcome = rkm(robot, closure, values, jr);
-  if (outcome) extend(robot, closure.q(), values, q_e);
-  return outcome;
 }
 }  // namespace truepose

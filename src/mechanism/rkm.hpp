@@ -9,8 +9,6 @@ namespace truepose {
 /// no derivative (draw-wire of zero length)
 Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorRows& jr);
 
-Outcome rkm(const Robot& robot, const Coordinates& x, Reading& values);
-
 /// Extended positions q_e = [q; r].
 inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extended& q_e) {
   for (int i = 0; i < dof(robot.mobility); ++i) q_e[i] = q[i];
@@ -18,7 +16,4 @@ inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extende
 }
 
 Joint motors_of(const Robot& robot, const Extended& q_e);
-
-/// q_e at a pose, as the robot's own encoders read them.
-Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e);
 }  // namespace truepose

@@ -11,30 +11,6 @@
 
 namespace truepose::python {
 namespace {
-/// Influences at pose i: none, or a row of (N, (n + r) × count).
-Influences influences_at(const Robot& robot, const std::optional<Rows>& influence, std::size_t i) {
-  if (!influence) return {};
-  const std::size_t width = influence->shape(1);
-  return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
-}
-
-RowMatrix homogeneous(const Frame& frame) {
-  RowMatrix T = RowMatrix::identity(4);
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) T(i, j) = frame.R(i, j);
-    T(i, 3) = frame.t[i];
-  }
-  return T;
-}
-Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
-  const auto frame = [](const RowMatrix& T) {
-    return Frame{
-        {T(0, 3), T(1, 3), T(2, 3)},
-        Mat3::of(T(0, 0), T(0, 1), T(0, 2), T(1, 0), T(1, 1), T(1, 2), T(2, 0), T(2, 1), T(2, 2))};
-  };
-  return {frame(base), frame(marker)};
-}
-
 /// @param nuisances  number of the prior's last parameters that are the ideal level's model error
 /// @param registration  first of its unknowns in the prior, or -1
 /// @param links  differences measured between rows
@@ -42,7 +18,7 @@ Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
 /// @param referenced  number of last rows, measured in the base frame
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
-                     const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
+                     const Rows& measured_sigma, const Frame& base, const Frame& marker,
                      int registration, const Links& links, int influences, const Rows& influence,
                      int loss, double tuning, int iterations, bool full, int referenced) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
@@ -51,7 +27,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     nb::gil_scoped_release release;
     ReadingLog log;
     log.count = static_cast<int>(count), log.q_e = q_e.data();
-    log.registration = registration_from(base, marker), log.links = links;
+    log.registration = {base, marker}, log.links = links;
     log.influence = influence.data(), log.referenced = referenced;
     if (measured.shape(0) > 0) {
       log.measured = measured.data();
@@ -66,7 +42,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     settings.poll = [&] { signals(); };
     result = calibrate(level(full), drawn, known, mean, log, settings);
   }
-  Owned<double> x({count, n}), difference({result.link.size(), 4});
+  Owned<double> x({count, n});
   std::vector<int> status(count);
   for (std::size_t i = 0; i < count; ++i) {
     status[i] = static_cast<int>(result.status[i]);
@@ -76,74 +52,46 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
       at = to_coordinates(drawn.mobility, result.pose[i]);
     std::copy_n(at.begin(), n, x[i]);
   }
-  for (std::size_t k = 0; k < result.link.size(); ++k) {
-    const LinkResult& of = result.link[k];
-    std::copy_n(std::array{of.residual, of.left_out, of.sigma, of.weight}.begin(), 4,
-                difference[k]);
-  }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations,
                         owned(result.xi), result.covariance, x.release(), owned(result.chi2),
                         owned(result.redundancy), owned(result.weight), owned(status), result.cost,
-                        homogeneous(result.start.base), homogeneous(result.start.marker),
-                        homogeneous(result.registration.base),
-                        homogeneous(result.registration.marker), owned(result.w),
-                        difference.release(), owned(result.amount));
+                        result.start.base, result.start.marker, result.registration.base,
+                        result.registration.marker, owned(result.w),
+                        RowMatrix(static_cast<int>(result.link.size()), 4,
+                                  reinterpret_cast<const double*>(result.link.data())),
+                        owned(result.amount));
 }
 
 /// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
-/// @param outside, sigma  external measurement of each pose, (N, n), NaN where missing
+/// @param outside, sigma  external measurement of each pose, (N, n), NaN where missing; one row of
+///                        sigma is that of all
 /// @param base, marker  registration of the measurement
 /// @param first  index of its unknowns; -1: known
 /// @param influence  as in batch_gain
 auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, const Rows& outside,
-                        const Rows& sigma, const RowMatrix& base, const RowMatrix& marker,
-                        int first, const Links& links, bool full, int nuisances,
+                        const Rows& sigma, const Frame& base, const Frame& marker, int first,
+                        const Links& links, bool full, int nuisances,
                         const std::optional<Rows>& influence) {
   VisitRows all;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
-    const Registration registration = registration_from(base, marker);
+    const Registration registration{base, marker};
     std::vector<Visit> visits;
     for (std::size_t i = 0; i < x.shape(0); ++i) {
       const std::size_t at = i * x.shape(1);
       Outside seen;
       if (i < outside.shape(0))
-        seen = {outside.data() + at, sigma.data() + at, &registration, first};
+        seen = {outside.data() + at, sigma.data() + (sigma.shape(0) > 1 ? at : 0), &registration,
+                first};
       visits.push_back({to_pose(robot.mobility, row<Coordinates>(x, i)), seen,
-                        influences_at(robot, influence, i)});
+                        influences_at(robot, influence ? &*influence : nullptr, i)});
     }
     Signals signals;
     outcome = rows_of_visits(level(full), robot, prior.view(), nuisances, visits, links, all,
                              [&] { signals(); });
   }
   return answered(outcome, all.B, all.visit);
-}
-
-/// Root of the posterior covariance after readings at poses, (p, p) lower triangular.
-/// @param known  further poses, each known to `sigma`
-/// @param links  differences to be measured between poses
-/// @param influence  as in batch_gain, for `x` and then `known`
-auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, const Rows& known,
-                        const std::vector<double>& sigma, const Links& links, bool full,
-                        int nuisances, const std::optional<Rows>& influence) {
-  RowMatrix root;
-  Outcome outcome;
-  {
-    nb::gil_scoped_release release;
-    std::vector<Visit> visits;
-    const auto visit = [&](const Rows& rows, std::size_t i, Outside outside) {
-      visits.push_back({to_pose(robot.mobility, row<Coordinates>(rows, i)), outside,
-                        influences_at(robot, influence, visits.size())});
-    };
-    for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
-    for (std::size_t i = 0; i < known.shape(0); ++i)
-      visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
-    Signals signals;
-    outcome = after_visiting(level(full), robot, prior.view(), nuisances, visits, links, root,
-                             [&] { signals(); });
-  }
-  return answered(outcome, root);
 }
 
 /// Covariance of x̂ at every pose, (N, n, n); relative to the pose `reference` if given.
@@ -154,7 +102,8 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   const Knowledge knowledge = known.view();
   const auto error_at = [&](const Coordinates& at, std::size_t i, PoseError& error) {
     return pose_error(level(full), robot, knowledge, to_pose(robot.mobility, at),
-                      influences_at(robot, influence, i), scratch(0), error);
+                      influences_at(robot, influence ? &*influence : nullptr, i), scratch(0),
+                      error);
   };
   PoseError there;
   Outcome first;
@@ -180,21 +129,20 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
 /// Processes rows of a log in sequence; they need not be neighbours.
 /// @param linearised  ξ of the linearisation; none: ξ̂ itself
 auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
-  const Robot& drawn = online.drawn();
+  const Robot& drawn = online.nominal;
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   Owned<double> x({count, n});
   Outcomes outcomes(count);
-  OnlineCalibrator& learner = online.begin(drawn);
+  online.begin(drawn);
   const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
-  if (!about.empty()) learner.settings.linearised = about.data();
+  if (!about.empty()) online.settings.linearised = about.data();
   for_rows_in_order(count, [&](std::size_t i) {
-    learner.pose = to_pose(drawn.mobility, drawn.home);
-    const Outcome outcome =
-        observe(level(online.full()), drawn, learner.settings, row<Extended>(q_e, i), learner.state,
-                learner.robot, learner.pose, learner.work);
-    ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
+    online.pose = to_pose(drawn.mobility, drawn.home);
+    const Outcome outcome = observe(online.level, drawn, online.settings, row<Extended>(q_e, i),
+                                    online.state, online.robot, online.pose, online.work);
+    ++(outcome.status == Status::ok ? online.lines : online.left_out);
     outcomes.set(i, outcome);
-    Coordinates at = to_coordinates(drawn.mobility, learner.pose);
+    Coordinates at = to_coordinates(drawn.mobility, online.pose);
     if (!outcome) at.fill(NAN);
     std::copy_n(at.begin(), n, x[i]);
   });
@@ -228,20 +176,20 @@ void bind_calibration(nb::module_& m) {
       .def("observe", &batch_observe)
       .def("resume", &Online::resume)
       .def_prop_ro("memory", &Online::memory)
-      .def_prop_ro("lines", [](const Online& online) { return online.learner().lines; })
-      .def_prop_ro("left_out", [](const Online& online) { return online.learner().left_out; })
-      .def_prop_ro("stopped_after", [](const Online& online) { return online.doubt().lines; })
-      .def_prop_ro("stopped", [](const Online& online) { return online.doubt().stopped; })
-      .def_prop_ro("suspect", [](const Online& online) { return online.doubt().suspect; })
-      .def_prop_ro("xi", &Online::xi)
-      .def_prop_ro("root", &Online::root);
+      .def_ro("lines", &Online::lines)
+      .def_ro("left_out", &Online::left_out)
+      .def_prop_ro("doubt", [](const Online& online) { return online.state.doubt; })
+      .def_ro("xi", &Online::xi)
+      .def_prop_ro("root", [](const Online& online) { return online.known.root; });
+  nb::class_<ResidualTest>(m, "ResidualTest")
+      .def_ro("lines", &ResidualTest::lines)
+      .def_ro("stopped", &ResidualTest::stopped)
+      .def_ro("suspect", &ResidualTest::suspect);
   m.attr("ITERATIONS") = CalibrationSettings{}.iterations;
   m.def("calibrate", &run_calibration);
   m.def("rows_of_visits", &run_rows_of_visits, "robot"_a, "prior"_a, "x"_a, "outside"_a, "sigma"_a,
         "base"_a, "marker"_a, "first"_a, "links"_a, "full"_a, "nuisances"_a,
         "influence"_a = nb::none());
-  m.def("after_visiting", &run_after_visiting, "robot"_a, "prior"_a, "x"_a, "known"_a, "sigma"_a,
-        "links"_a, "full"_a, "nuisances"_a, "influence"_a = nb::none());
   m.def("accuracy", &batch_accuracy, "robot"_a, "known"_a, "x"_a, "reference"_a, "full"_a,
         "influence"_a = nb::none());
 }

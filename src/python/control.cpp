@@ -38,38 +38,42 @@ auto settled(const Robot& nominal, const Robot& truth, const ControlSettings& co
   return nb::tuple(found + together(by_truth));
 }
 
-/// Processes rows in sequence: the substituted readings, (N, n + r), every reading's health and
-/// symptom, and per row the parity's χ², its degrees of freedom, the suspect readings as bits,
-/// whether isolation is impossible, whether the robot is warm, and the status.
+/// The fault monitor after one row.
+struct Reviewed {
+  Extended believed{};                          ///< the readings or their substitutes
+  std::array<Health, kMaxReadings> health{};    ///< of every reading
+  std::array<Symptom, kMaxReadings> symptom{};  ///< its latest
+  double chi2;                                  ///< of the parity
+  int freedom;                                  ///< its degrees of freedom
+  std::uint32_t doubted;                        ///< suspect readings as bits
+  bool undecided;                               ///< isolation is impossible
+  bool warm;
+  Status status;
+};
+
+/// Processes rows in sequence.
 auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_e) {
-  const std::size_t count = q_e.shape(0), e = q_e.shape(1);
-  Owned<double> believed({count, e}), chi2({count});
-  Owned<int> health({count, e}), symptom({count, e}), freedom({count}), doubted({count});
-  Owned<bool> undecided({count}), warm({count});
-  Outcomes outcomes(count);
+  std::vector<Reviewed> rows(q_e.shape(0));
   const Weights weights(setup.robot, &setup.known);
   FaultMonitor monitor;
   Multirate late;
   if (setup.late) require_started(*setup.late, late);
-  for_rows_in_order(count, [&](std::size_t i) {
-    Extended values{};
+  for_rows_in_order(rows.size(), [&](std::size_t i) {
+    Reviewed& now = rows[i];
     late.arrived = arrivals(late.settings, late.cycle);
-    outcomes.set(i, monitor_faults(setup.robot, setup.settings.monitor, weights.view(),
-                                   row<Joint>(desired, i), row<Extended>(q_e, i), monitor, values,
-                                   setup.late ? &late : nullptr));
-    for (std::size_t c = 0; c < e; ++c) {
-      believed[i][c] = values[c];
-      health[i][c] = static_cast<int>(monitor.reading[c].health);
-      symptom[i][c] = static_cast<int>(monitor.reading[c].symptom);
+    now.status =
+        monitor_faults(setup.robot, setup.settings.monitor, weights.view(), row<Joint>(desired, i),
+                       row<Extended>(q_e, i), monitor, now.believed, setup.late ? &late : nullptr)
+            .status;
+    for (std::size_t c = 0; c < kMaxReadings; ++c) {
+      now.health[c] = monitor.reading[c].health;
+      now.symptom[c] = monitor.reading[c].symptom;
     }
-    *chi2[i] = monitor.chi2;
-    *freedom[i] = monitor.freedom;
-    *doubted[i] = static_cast<int>(monitor.doubted);
-    *undecided[i] = monitor.undecided;
-    *warm[i] = monitor.warm_up.warm;
+    now.chi2 = monitor.chi2, now.freedom = monitor.freedom, now.doubted = monitor.doubted;
+    now.undecided = monitor.undecided, now.warm = monitor.warm_up.warm;
   });
-  return together(believed, health, symptom, chi2, freedom, doubted, undecided, warm,
-                  outcomes.status);
+  return records(rows, TRUEPOSE_MEMBERS(Reviewed, believed, health, symptom, chi2, freedom, doubted,
+                                        undecided, warm, status));
 }
 /// What setpoints, (N, n) each, need of the motors, and the limits' contradiction with it.
 auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, const Rows& rate,
@@ -98,18 +102,17 @@ struct SafeControl {
 
   /// One cycle. @param frozen  the frame's counter stands still @param begins  the operator's
   /// acknowledgement and start
-  auto step(const Robot& robot, const ControlSettings& with, const Setpoint& setpoint, Extended q_e,
+  auto step(const Robot& robot, const ControlSettings& with, const Coordinates& x,
+            const Coordinates& rate, const Coordinates& acceleration, Extended q_e,
             const Known* known, Slow* slow, const FaultTolerantSetup* setup, bool frozen,
             std::pair<bool, bool> begins) {
     const Weights weights(robot, known);
     const Weights own(setup ? setup->robot : robot, setup ? &setup->known : nullptr);
     Monitored monitored;
     Weighing weighing = weights.view();
-    FaultTolerantSettings settings;
     if (setup) {
-      settings = setup->settings;
-      settings.finest = &setup->robot;
-      monitored = {&settings, &fault_state, slow && slow->known_late ? &slow->late : nullptr};
+      monitored = {&setup->settings, &fault_state,
+                   slow && slow->known_late ? &slow->late : nullptr};
       weighing = own.view();
     } else if (slow) {
       weighing = slow->compensate_latency(robot, weighing, q_e);
@@ -118,18 +121,20 @@ struct SafeControl {
     cycle.request = {begins.second, false, begins.first};
     if (!frozen) ++frame;
     cycle.counter = {safety.counted, frame};
-    const Outcome outcome = control_safely(robot, with, safety.limits, clock.paced(setpoint), q_e,
-                                           state, shell, cycle, weighing, monitored);
+    const Outcome outcome =
+        control_safely(robot, with, safety.limits, clock.paced({x, rate, acceleration}), q_e, state,
+                       shell, cycle, weighing, monitored);
     if (!shell.follows) clock.rate = 0;
     clock.advance(with.period, shell.path_stop);
     return answered(outcome);
   }
 };
 
-nb::dict simulate_start(const Robot& robot, const Robot& truth, const ControlSettings& control,
-                        const StartSettings& settings, const Known& known, const Effects& effects,
-                        const std::vector<Fault>& faults, bool incremental, bool referenced,
-                        const Coordinates& start, std::uint64_t seed) {
+/// The report, the platform's motion, each motor's largest torque, and the duration.
+auto run_start(const Robot& robot, const Robot& truth, const ControlSettings& control,
+               const StartSettings& settings, const Known& known, const Effects& effects,
+               const std::vector<Fault>& faults, bool incremental, bool referenced,
+               const Coordinates& start, std::uint64_t seed) {
   SafetyLimits limits;
   SimulatedStart run;
   Outcome outcome;
@@ -141,22 +146,8 @@ nb::dict simulate_start(const Robot& robot, const Robot& truth, const ControlSet
       outcome = simulate_start(robot, truth, settings, limits, weights.view(), effects,
                                {faults, incremental, referenced, start, seed}, run);
   }
-  const StartTest& test = run.test;
-  const int n = dof(robot.mobility), e = n + robot.r;
-  nb::dict result;
-  result["status"] = static_cast<int>(outcome.status);
-  result["part"] = outcome.chain;
-  result["passed"] = test.state == StartState::passed;
-  result["finding"] = kStartFindings[static_cast<std::size_t>(test.finding)];
-  result["parts"] = nb::make_tuple(test.part, test.other);
-  result["candidates"] = test.candidates;
-  result["exchangeable"] = test.exchangeable;
-  result["scale"] = std::vector<double>(test.scale.begin(), test.scale.begin() + e);
-  result["sigma"] = std::vector<double>(test.sigma.begin(), test.sigma.begin() + e);
-  result["moved"] = run.moved;
-  result["torque"] = std::vector<double>(run.torque.begin(), run.torque.begin() + n);
-  result["seconds"] = run.seconds;
-  return result;
+  const StartReport& report = run.test;
+  return answered(outcome, report, run.moved, run.torque, run.seconds);
 }
 }  // namespace
 
@@ -181,14 +172,10 @@ void bind_control(nb::module_& m) {
 
 void bind_safety(nb::module_& m) {
   using namespace nb::literals;
-  nb::class_<FaultTolerantSettings>(m, "FaultTolerantSettings")
-      .def(nb::init<>())
-      .def_rw("monitor", &FaultTolerantSettings::monitor)
-      .def_rw("momentum", &FaultTolerantSettings::momentum);
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
-      .def(nb::init<const Robot&, const Known&, const FaultTolerantSettings&,
-                    const std::optional<MultirateSettings>&>(),
-           "robot"_a, "known"_a, "settings"_a, "late"_a.none())
+      .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&,
+                    const MomentumSettings&, const std::optional<MultirateSettings>&>(),
+           "robot"_a, "known"_a, "monitor"_a, "momentum"_a, "late"_a.none())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
   m.def("default_momentum", [](const Robot& robot, const ControlSettings& of) {
     MomentumSettings derived;
@@ -213,37 +200,14 @@ void bind_safety(nb::module_& m) {
         });
   nb::class_<SafeControl>(m, "SafeControl")
       .def(nb::init<const Safety&>())
-      .def(
-          "step",
-          [](SafeControl& own, const Robot& robot, const ControlSettings& with,
-             const Coordinates& x, const Coordinates& rate, const Coordinates& acceleration,
-             const Extended& q_e, const Known* known, Slow* slow, const FaultTolerantSetup* setup,
-             bool frozen, const std::pair<bool, bool>& begins) {
-            return own.step(robot, with, {x, rate, acceleration}, q_e, known, slow, setup, frozen,
-                            begins);
-          },
-          "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
-          "known"_a.none() = nb::none(), "slow"_a.none() = nb::none(),
-          "fault_setup"_a.none() = nb::none(), "frozen"_a = false,
-          "begins"_a = std::pair{false, false})
+      .def("step", &SafeControl::step, "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a,
+           "q_e"_a, "known"_a.none() = nb::none(), "slow"_a.none() = nb::none(),
+           "fault_setup"_a.none() = nb::none(), "frozen"_a = false,
+           "begins"_a = std::pair{false, false})
       .def("begin", [](SafeControl& own) { own.clock = {}; })
       .def_prop_ro("time", [](const SafeControl& own) { return own.clock.time; })
-      .def_prop_ro("torque", [](const SafeControl& own) { return own.shell.torque; })
-      .def_prop_ro("brakes", [](const SafeControl& own) { return own.shell.brakes; })
-      .def_prop_ro("follows", [](const SafeControl& own) { return own.shell.follows; })
-      .def_prop_ro("health",
-                   [](const SafeControl& own) {
-                     std::array<int, kMaxReadings> health{};
-                     for (std::size_t c = 0; c < health.size(); ++c)
-                       health[c] = static_cast<int>(own.fault_state.monitor.reading[c].health);
-                     return health;
-                   })
-      .def_prop_ro("state",
-                   [](const SafeControl& own) { return static_cast<int>(own.shell.machine.state); })
-      .def_prop_ro("cause",
-                   [](const SafeControl& own) { return static_cast<int>(own.shell.cause); })
-      .def_prop_ro("part", [](const SafeControl& own) { return own.shell.part; });
-  m.def("simulate_start", &simulate_start, "robot"_a, "truth"_a, "control"_a, "settings"_a,
-        "known"_a, "effects"_a, "faults"_a, "incremental"_a, "referenced"_a, "start"_a, "seed"_a);
+      .def_prop_ro("report", [](const SafeControl& own) -> SafetyReport { return own.shell; });
+  m.def("simulate_start", &run_start, "robot"_a, "truth"_a, "control"_a, "settings"_a, "known"_a,
+        "effects"_a, "faults"_a, "incremental"_a, "referenced"_a, "start"_a, "seed"_a);
 }
 }  // namespace truepose::python

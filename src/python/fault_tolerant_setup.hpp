@@ -15,10 +15,14 @@ struct FaultTolerantSetup {
   std::optional<MultirateSettings> late;  ///< of multirate and delayed sensors, if any
 
   FaultTolerantSetup(const Robot& monitored, const Known& knowledge,
-                     const FaultTolerantSettings& given,
+                     const FaultMonitorSettings& monitor, const MomentumSettings& momentum,
                      const std::optional<MultirateSettings>& slow)
-      : robot(monitored), known(knowledge), settings(given), late(slow) {
+      : robot(monitored), known(knowledge), late(slow) {
+    settings.finest = &robot;
+    settings.monitor = monitor, settings.momentum = momentum;
     prepare(settings.monitor);
   }
+  FaultTolerantSetup(const FaultTolerantSetup&) = delete;
+  FaultTolerantSetup& operator=(const FaultTolerantSetup&) = delete;
 };
 }  // namespace truepose::python

@@ -4,7 +4,9 @@
 #include <stdexcept>
 #include <vector>
 
+#include "calibration/line.hpp"
 #include "control/law.hpp"
+#include "python/arrays.hpp"
 #include "python/matrices.hpp"
 
 namespace truepose::python {
@@ -26,6 +28,13 @@ struct Known {
     return {static_cast<int>(column.size()), column.data(), root.data(), sigma};
   }
 };
+
+/// Influences at pose i: none, or row i of (N, (n + r) × count).
+inline Influences influences_at(const Robot& robot, const Rows* influence, std::size_t i) {
+  if (influence == nullptr) return {};
+  const std::size_t width = influence->shape(1);
+  return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
+}
 
 /// Knowledge and work space of one thread for weighted laws; both optional.
 class Weights {

@@ -6,7 +6,16 @@
 
 #include <algorithm>
 
-#include "calibration/dense.hpp"
+#include "calibration/registration.hpp"
+
+namespace truepose::python {
+/// The frame of a homogeneous matrix.
+inline Frame frame_of(const RowMatrix& T) {
+  return {
+      {T(0, 3), T(1, 3), T(2, 3)},
+      Mat3::of(T(0, 0), T(0, 1), T(0, 2), T(1, 0), T(1, 1), T(1, 2), T(2, 0), T(2, 1), T(2, 2))};
+}
+}  // namespace truepose::python
 
 namespace nanobind::detail {
 /// Numbers of a new numpy array, by rows.
@@ -31,6 +40,26 @@ struct type_caster<truepose::RowMatrix> {
     object array;
     std::ranges::copy(A, new_array(array, make_tuple(A.rows(), A.cols())));
     return array.release();
+  }
+};
+
+/// As homogeneous matrix, 4×4.
+template <>
+struct type_caster<truepose::Frame> {
+  using Matrix = make_caster<truepose::RowMatrix>;
+  NB_TYPE_CASTER(truepose::Frame, Matrix::Name)
+
+  bool from_python(handle from, std::uint8_t flags, cleanup_list* cleanup) noexcept {
+    Matrix T;
+    if (!T.from_python(from, flags, cleanup)) return false;
+    value = truepose::python::frame_of(T.value);
+    return true;
+  }
+  static handle from_cpp(const truepose::Frame& frame, rv_policy policy, cleanup_list* cleanup) {
+    truepose::RowMatrix T = truepose::RowMatrix::identity(4);
+    for (int k = 0; k < 12; ++k)
+      T(k / 4, k % 4) = k % 4 < 3 ? frame.R(k / 4, k % 4) : frame.t[k / 4];
+    return Matrix::from_cpp(T, policy, cleanup);
   }
 };
 }  // namespace nanobind::detail

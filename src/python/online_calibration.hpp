@@ -1,8 +1,6 @@
 // Python's online calibration: the filter's arrays, kept between runs.
 #pragma once
 
-#include <algorithm>
-#include <type_traits>
 #include <vector>
 
 #include "estimation/online_calibrator.hpp"
@@ -10,73 +8,57 @@
 
 namespace truepose::python {
 /// An online calibrator, the arrays that it points to, and their level.
-class Online {
- public:
+struct Online : OnlineCalibrator {
+  const Robot nominal;
+  Known known;
+  std::vector<double> xi;
+  const RowMatrix drifts;
+  const Level level;
+  std::vector<double> space, kept;
+
   /// @param drift  one row per random walk, one column per uncertain parameter
-  Online(const Robot& drawn, const Known& prior, std::vector<double> mean, RowMatrix drift,
+  Online(const Robot& of, const Known& prior, std::vector<double> mean, RowMatrix drift,
          double gate, bool full)
-      : drawn_(drawn), known_(prior), xi_(std::move(mean)), drift_(std::move(drift)), full_(full) {
-    const int count = static_cast<int>(known_.column.size());
-    work_.resize(online_work(drawn, count));
-    kept_.resize(online_kept(count));
-    learner_.drawn = &drawn_;
-    learner_.settings = {static_cast<int>(drift_.rows()), drift_.data(), nullptr, gate};
-    learner_.state = {count, known_.column.data(), xi_.data(), known_.root.data(), known_.sigma,
-                      0,     kept_.data(),         {}};
-    learner_.work = work_.data();
+      : nominal(of),
+        known(prior),
+        xi(std::move(mean)),
+        drifts(std::move(drift)),
+        level(python::level(full)) {
+    const int count = static_cast<int>(known.column.size());
+    space.resize(online_work(nominal, count));
+    kept.resize(online_kept(count));
+    drawn = &nominal;
+    settings = {drifts.rows(), drifts.data(), nullptr, gate};
+    state = {count, known.column.data(), xi.data(), known.root.data(), known.sigma,
+             0,     kept.data(),         {}};
+    work = space.data();
   }
   Online(const Online&) = delete;
   Online& operator=(const Online&) = delete;
 
   /// The calibrator for a run: with the robot at ξ̂. Its first row is new.
-  OnlineCalibrator& begin(const Robot& nominal) {
-    learner_.settings.linearised = nullptr;
-    learner_.robot = nominal;
-    learner_.robot.level = drawn_.level;
-    static_cast<void>(set_parameters(drawn_, xi_.data(), learner_.robot));
-    learner_.pose = to_pose(nominal.mobility, nominal.home);
-    learner_.last.fill(INFINITY);
-    return learner_;
+  OnlineCalibrator& begin(const Robot& of) {
+    settings.linearised = nullptr;
+    robot = of;
+    robot.level = nominal.level;
+    static_cast<void>(set_parameters(nominal, xi.data(), robot));
+    pose = to_pose(of.mobility, of.home);
+    last.fill(INFINITY);
+    return *this;
   }
-  /// State other than ξ̂ and its root: counts, the residual test and the rollback state.
-  std::vector<double> memory() const {
-    std::vector<double> all;
-    each_number(*this, [&](const auto& number) { all.push_back(static_cast<double>(number)); });
-    return all;
+  /// State other than ξ̂ and its root: the rollback state, counts, and the residual test.
+  nb::tuple memory() const {
+    return nb::make_tuple(kept, state.due, lines, left_out,
+                          nb::bytes(&state.doubt, sizeof state.doubt));
   }
   /// Resumes from another object's arrays and memory.
-  void resume(const std::vector<double>& all) {
-    if (all.size() != memory().size()) throw std::invalid_argument("the memory of another filter");
-    auto next = all.begin();
-    each_number(*this, [&](auto& number) {
-      number = static_cast<std::remove_reference_t<decltype(number)>>(*next++);
-    });
+  void resume(const std::vector<double>& saved, int due, long used, long excluded,
+              const nb::bytes& doubt) {
+    if (saved.size() != kept.size() || doubt.size() != sizeof state.doubt)
+      throw std::invalid_argument("the memory of another filter");
+    std::copy(saved.begin(), saved.end(), kept.begin());
+    state.due = due, lines = used, left_out = excluded;
+    std::memcpy(&state.doubt, doubt.data(), doubt.size());
   }
-
-  const Robot& drawn() const { return drawn_; }
-  bool full() const { return full_; }
-  const OnlineCalibrator& learner() const { return learner_; }
-  const ResidualTest& doubt() const { return learner_.state.doubt; }
-  std::vector<double> xi() const { return xi_; }
-  RowMatrix root() const { return known_.root; }
-
- private:
-  template <class Self, class F>
-  static void each_number(Self& self, F&& f) {
-    auto& state = self.learner_.state;
-    f(state.due), f(self.learner_.lines), f(self.learner_.left_out);
-    f(state.doubt.evidence), f(state.doubt.stopped), f(state.doubt.suspect), f(state.doubt.lines);
-    f(state.doubt.since);
-    std::for_each(state.doubt.blame.begin(), state.doubt.blame.end(), f);
-    std::for_each(self.kept_.begin(), self.kept_.end(), f);
-  }
-
-  Robot drawn_;
-  Known known_;
-  std::vector<double> xi_;
-  RowMatrix drift_;
-  bool full_;
-  std::vector<double> work_, kept_;
-  OnlineCalibrator learner_;
 };
 }  // namespace truepose::python

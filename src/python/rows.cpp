@@ -8,7 +8,6 @@
 #include "control/fastest.hpp"
 #include "control/trajectory.hpp"
 #include "mechanism/angles_of.hpp"
-#include "mechanism/full.hpp"
 #include "mechanism/gyro.hpp"
 #include "python/for_rows.hpp"
 #include "python/known.hpp"
@@ -22,8 +21,8 @@ namespace {
 struct Common {
   const Robot* robot = nullptr;
   const Known* known = nullptr;
-  int n = 0, e = 0;   ///< freedoms, readings
-  bool full = false;  ///< the first flag: the level of the model
+  int n = 0, e = 0;            ///< freedoms, readings
+  Level level = Level::ideal;  ///< the first flag
 };
 
 /// Arguments of a function over rows, of each kind in Python's order. None counts as not given.
@@ -64,12 +63,22 @@ struct Row : Common {
   }
 };
 
-/// A function of a pose's coordinates with one result, at either level.
-template <class Result, Outcome (*ideal)(const Robot&, const Coordinates&, Result&),
-          Outcome (*full)(const Robot&, const Coordinates&, Result&) = ideal>
+template <class Result>
+using AtLevel = Outcome (*)(Level, const Robot&, const Coordinates&, Result&);
+template <class Result>
+constexpr AtLevel<Result> at_level(AtLevel<Result> f) {
+  return f;
+}
+
+/// A function of a pose's coordinates with one result.
+template <class Result, auto f>
 Outcome of_x(const Row& r) {
   Result result{};
-  const Outcome outcome = (r.full ? full : ideal)(*r.robot, r.x(), result);
+  Outcome outcome;
+  if constexpr (requires { f(r.level, *r.robot, r.x(), result); })
+    outcome = f(r.level, *r.robot, r.x(), result);
+  else
+    outcome = f(*r.robot, r.x(), result);
   r.give(0, result);
   return outcome;
 }
@@ -84,46 +93,27 @@ struct RowFunction {
   std::size_t over = 0;  ///< which array's rows they are
 };
 
-Influences influences_at(const Row& r, std::size_t k) {
-  if (r.call.in.size() <= k) return {};
-  const std::size_t width = r.call.in[k].shape(1);
-  return {static_cast<int>(width) / r.e, r.call.in[k].data() + r.i * width};
-}
-
-Registration registration_of(const Row& r) {
-  const auto frame = [&](std::size_t k) {
-    const Rows& T = r.call.in[k];
-    return Frame{
-        {T(0, 3), T(1, 3), T(2, 3)},
-        Mat3::of(T(0, 0), T(0, 1), T(0, 2), T(1, 0), T(1, 1), T(1, 2), T(2, 0), T(2, 1), T(2, 2))};
-  };
-  return {frame(0), frame(1)};
-}
-
 const RowFunction kFunctions[] = {
     // Kinematics: (robot, x, full)
     {"ikm", "n",
      [](const Row& r) {
-       using Model = Outcome (*)(const Robot&, const Coordinates&, Joint&);
        const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
-       const Model model = own_mode ? (r.full ? Model(&command_full) : Model(&command))
-                                    : (r.full ? Model(&ikm_full) : Model(&ikm));
        Joint q{};
-       const Outcome outcome = model(*r.robot, r.x(), q);
+       const Outcome outcome =
+           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q);
        r.give(0, q);
        return outcome;
      }},
-    {"rkm", "r", of_x<Reading, rkm, rkm_full>},
+    {"rkm", "r", of_x<Reading, at_level<Reading>(rkm)>},
     {"fkm", "n",  // (robot, q, guess, full)
      [](const Row& r) -> Outcome {
-       const auto q = r.of<Joint>(0);
        Coordinates x = r.x(1);
-       const Outcome outcome = r.full ? fkm_full(*r.robot, q, x) : fkm(*r.robot, q, x);
+       const Outcome outcome = fkm(r.level, *r.robot, r.of<Joint>(0), x);
        r.give(0, x);
        return outcome;
      }},
     {"parasitic", "h", of_x<Coordinates, parasitic>},
-    {"jacobian", "nn", of_x<JointMatrix, jacobian, jacobian_full>},
+    {"jacobian", "nn", of_x<JointMatrix, at_level<JointMatrix>(jacobian)>},
     {"gyro", "3n", of_x<GyroRows, gyro>},
     {"redundant_fkm", "n",
      [](const Row& r) {
@@ -148,14 +138,10 @@ const RowFunction kFunctions[] = {
        return outcome;
      }},
     {"linearise", "en ep",  // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
-     [](const Row& r) -> Outcome {
-       const FullLevel& of = r.robot->full;
-       if (r.full && !of.own() && of.kind != FullKind::same) return {Status::no_full_level, -1};
+     [](const Row& r) {
        Extended q_e;
        PoseRows H_x;
-       Parasitic rest;
-       const Outcome outcome =
-           linearise(level(r.full), *r.robot, r.pose(), q_e, H_x, r.out[1], rest);
+       const Outcome outcome = linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]);
        r.give(0, H_x);
        return outcome;
      }},
@@ -167,7 +153,7 @@ const RowFunction kFunctions[] = {
        const std::size_t n = static_cast<std::size_t>(r.n);
        UnderLoad at;
        const Outcome outcome =
-           under_load(level(r.full), *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
+           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
                       scratch(r.e * parameter_count(*r.robot)).data(), at);
        r.give(0, at.q_e), r.give(2, at.tension);
        for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
@@ -302,7 +288,7 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        Pose pose = r.pose(1);
        const Estimate found =
-           estimate(level(r.full), *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
+           estimate(r.level, *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
        r.give(0, to_coordinates(r.robot->mobility, pose));
        r.give(1, found.covariance);
        *r.out[2] = found.chi2;
@@ -316,7 +302,8 @@ const RowFunction kFunctions[] = {
        double* work = r.work();
        Fused fusion;
        const Outcome outcome =
-           fused(level(r.full), *r.robot, r.known->view(), r.pose(), influences_at(r, 1), work,
+           fused(r.level, *r.robot, r.known->view(), r.pose(),
+                 influences_at(*r.robot, r.call.in.size() > 1 ? &r.call.in[1] : nullptr, r.i), work,
                  work + r.e * parameter_count(*r.robot), fusion);
        r.give(0, fusion.gain), r.give(1, fusion.tej);
        return outcome;
@@ -327,7 +314,8 @@ const RowFunction kFunctions[] = {
     {"seen", "n n nn ng -",
      [](const Row& r) {
        const Mobility mobility = r.robot->mobility;
-       const Seen at = seen(mobility, registration_of(r), r.pose(2));
+       const auto frame = [&](std::size_t k) { return frame_of({4, 4, r.call.in[k].data()}); };
+       const Seen at = seen(mobility, {frame(0), frame(1)}, r.pose(2));
        const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
        r.give(0, to_coordinates(mobility, {at.p, at.Q, theta}));
        r.give(1, innovation(mobility, at, r.x(3).data()));
@@ -360,7 +348,7 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
   for (nb::handle given : args) take(given);
   for (auto [name, given] : kwargs) take(given);
   int n = 0, r = 0, p = 0, hidden = 0;
-  with.full = !with.flag.empty() && with.flag[0];
+  with.level = level(!with.flag.empty() && with.flag[0]);
   if (with.robot) {
     const Robot& robot = *with.robot;
     n = dof(robot.mobility), r = robot.r;

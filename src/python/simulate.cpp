@@ -63,7 +63,6 @@ class LoopExtras {
     if (of.late.second) extras.bus = &*of.late.second;
     if (of.fault_setup) {
       fault_settings_ = of.fault_setup->settings;
-      fault_settings_.finest = &of.fault_setup->robot;
       extras.fault_settings = &fault_settings_;
     }
     if (of.online == nullptr) return;
@@ -95,33 +94,6 @@ OwnLaw own_law(const OwnError& error_of) {
     const nb::gil_scoped_acquire acquire;
     return nb::cast<Joint>((*error_of)(x_d, q_e));
   };
-}
-
-/// A member of every sample, (N,), or the used entries of an array, (N, width).
-template <class T>
-nb::object column(const std::vector<Sample>& log, const c::Field& member, std::size_t width) {
-  Owned<T> values(member.rows > 0 ? Shape{log.size(), width} : Shape{log.size()});
-  for (std::size_t i = 0; i < log.size(); ++i)
-    std::memcpy(values[i], reinterpret_cast<const char*>(&log[i]) + member.offset,
-                values.width * sizeof(T));
-  return values.release();
-}
-
-/// A run's outcome, and all members of every sample.
-nb::tuple columns(Outcome outcome, const std::vector<Sample>& log, std::size_t n, std::size_t e) {
-  nb::list all;
-  all.append(static_cast<int>(outcome.status));
-  all.append(outcome.chain);
-  const c::Table table = TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up,
-                                          health, symptom, stops, brakes, disturbance, disturbed,
-                                          size, force, refused, warm, safety, cause, part);
-  for (const c::Field& member : table.fields) {
-    const auto column_of = member.numbers == c::Numbers::real    ? &column<double>
-                           : member.numbers == c::Numbers::whole ? &column<int>
-                                                                 : &column<bool>;
-    all.append(column_of(log, member, member.rows == kMaxReadings ? e : n));
-  }
-  return nb::tuple(all);
 }
 
 /// A setpoint between two of a path that is followed more slowly, by quintic Hermite polynomials.
@@ -173,81 +145,69 @@ auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acce
       signals();
     });
   }
-  const std::size_t n = dof(of.nominal.mobility), e = n + of.nominal.r;
-  return columns(outcome, log, n, e);
+  return answered(
+      outcome,
+      records(log, TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up,
+                                    health, symptom, stops, brakes, disturbance, disturbed, size,
+                                    force, refused, warm, safety, cause, part)));
 }
 
 /// Summary of a visit to one pose.
 struct Visited {
-  Sample last{};
+  Coordinates x{};  ///< true pose, and readings, at the end of the hold
+  Extended q_e{};
   Coordinates low{}, high{};  ///< of x in the last kRest of the hold
-  int saturated = -1;         ///< first motor at its torque limit
-  int unanswered = 0;         ///< cycles without an answer of the controller,
-  Status reason{};            ///< and the first one's reason
+  int saturated = -1;         ///< first motor at its torque limit, from 0
+  Status status{};
+  int unanswered = 0;  ///< cycles without an answer of the controller,
+  Status reason{};     ///< and the first one's reason
 
   static constexpr double kRest = 0.05;  ///< s, when a robot should rest
 
   /// @param end  of the run, s @param hold  at the pose, s
   void add(const Robot& nominal, const Sample& sample, double end, double hold) {
-    last = sample;
+    x = sample.x, q_e = sample.q_e;
     if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
     const bool moving = sample.time <= end - std::min(kRest, hold);
     for (int k = 0; k < dof(nominal.mobility); ++k) {
-      low[k] = moving ? sample.x[k] : std::min(low[k], sample.x[k]);
-      high[k] = moving ? sample.x[k] : std::max(high[k], sample.x[k]);
+      low[k] = moving ? x[k] : std::min(low[k], x[k]);
+      high[k] = moving ? x[k] : std::max(high[k], x[k]);
       const double limit = nominal.chain[k].torque_limit;
       if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
     }
   }
 };
 
-/// Visits poses in order, keeping friction and backlash: true pose, (N, n), and readings,
-/// (N, n + r), at the end of each hold, the largest peak-to-peak motion of a coordinate in the last
-/// kRest, the first motor at its torque limit, from 0, or -1, the status, and the number of
-/// cycles without an answer of the controller, with the first reason. After a failure the robot is
-/// placed at the next pose.
+/// Visits poses in order, keeping friction and backlash. After a failure the robot is placed at the
+/// next pose.
 auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, int steps,
                const Coordinates& start, std::uint64_t seed) {
-  const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + of.nominal.r;
-  Owned<double> x({count, n}), q_e({count, e}), swing({count});
-  Owned<int> saturated({count}), unanswered({count}), reason({count});
-  Outcomes outcomes(count);
+  std::vector<Visited> visits(x_d.shape(0));
   {
     nb::gil_scoped_release release;
     Signals signals;
     LoopExtras with(of, seed);
     Coordinates from = of.nominal.home, standing = start;
     std::optional<Loop> loop;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < visits.size(); ++i) {
       const Coordinates to = row<Coordinates>(x_d, i);
       const double period = of.settings.period, end = duration + hold;
       with.extras.began = i * period * std::lround(end / period);
       if (!loop) loop.emplace(of.nominal, of.truth, of.settings, standing, seed + i, with.extras);
-      Visited visited;
       const Outcome outcome =
           loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
             signals();
-            visited.add(of.nominal, sample, end, hold);
+            visits[i].add(of.nominal, sample, end, hold);
           });
-      outcomes.set(i, outcome);
-      *swing[i] = 0;
-      for (std::size_t k = 0; k < n; ++k)
-        *swing[i] = std::max(*swing[i], visited.high[k] - visited.low[k]);
-      *saturated[i] = visited.saturated;
-      *unanswered[i] = visited.unanswered;
-      *reason[i] = static_cast<int>(visited.reason);
-      if (outcome) {
+      visits[i].status = outcome.status;
+      if (outcome)
         from = standing = to;
-      } else {
-        visited.last.x.fill(NAN);
-        visited.last.q_e.fill(NAN);
+      else
         loop.reset();
-      }
-      std::copy_n(visited.last.x.begin(), n, x[i]);
-      std::copy_n(visited.last.q_e.begin(), e, q_e[i]);
     }
   }
-  return together(x, q_e, swing, saturated, outcomes.status, unanswered, reason);
+  return records(
+      visits, TRUEPOSE_MEMBERS(Visited, x, q_e, low, high, saturated, status, unanswered, reason));
 }
 
 /// Applies faults to healthy readings, (N, n + r), in sequence at these times.

@@ -63,6 +63,8 @@ void bind_tables(nb::module_& m) {
   m.attr("chain_parameters") = named(kChainTable);
   m.attr("sensor_parameters") = named(kSensorParameterTable);
   m.attr("axis_parameters") = named(kAxisTable);
+  m.attr("start_findings") =
+      nb::tuple(nb::cast(std::vector(kStartFindings.begin(), kStartFindings.end())));
   m.attr("stop_causes") = nb::tuple(nb::cast(names_of(kCauseTable)));
   enumeration(m, "SensorKind", names_of(kSensorTable));
   enumeration(m, "Mobility",
@@ -152,21 +154,30 @@ void bind_robot(nb::module_& m) {
 }
 }  // namespace
 
+namespace {
+/// numpy's type of a member: of its numbers, and their shape.
+nb::tuple type_of(const c::Field& field) {
+  const char* number = field.numbers == c::Numbers::real    ? "f8"
+                       : field.numbers == c::Numbers::whole ? "i4"
+                                                            : "?";
+  nb::list shape;
+  for (const int extent : {field.rows, field.columns})
+    if (extent > 0) shape.append(extent);
+  return nb::make_tuple(number, nb::tuple(shape));
+}
+
+/// An array of this type in a copy of the memory.
+nb::object array_of(const nb::object& shape, const nb::object& type, const void* memory,
+                    std::size_t size) {
+  return nb::module_::import_("numpy").attr("ndarray")(shape, type, nb::bytes(memory, size));
+}
+}  // namespace
+
 nb::object get_member(nb::handle self, const c::Field& field) {
-  const int count = field.count();
-  const auto number = [&](int k) -> nb::object {
-    const int offset = field.offset + k * field.width();
-    switch (field.numbers) {
-      case c::Numbers::real: return nb::float_(at<Real>(self, offset));
-      case c::Numbers::whole: return nb::int_(at<std::int32_t>(self, offset));
-      default: return nb::bool_(at<bool>(self, offset));
-    }
-  };
-  if (field.rows == 0) return number(0);
-  nb::list numbers;
-  for (int k = 0; k < count; ++k) numbers.append(number(k));
-  const nb::object array = nb::module_::import_("numpy").attr("array")(numbers);
-  return field.columns ? array.attr("reshape")(field.rows, field.columns) : array;
+  const nb::tuple type = type_of(field);
+  const auto size = static_cast<std::size_t>(field.count() * field.width());
+  const nb::object array = array_of(type[1], type[0], &at<char>(self, field.offset), size);
+  return array.attr(field.rows ? "copy" : "item")();
 }
 
 void set_member(nb::handle self, const c::Field& field, nb::handle value) {
@@ -198,6 +209,17 @@ std::array<std::string, 2> signatures(const c::Field& field) {
   return {self + ") -> " + type, self + ", value: typing.Any) -> None"};
 }
 
+nb::object records(const void* data, std::size_t count, std::size_t size, const c::Table& table) {
+  nb::list names, formats, offsets;
+  for (const c::Field& field : table.fields) {
+    names.append(field.name), formats.append(type_of(field)), offsets.append(field.offset);
+  }
+  nb::dict type;
+  type["names"] = names, type["formats"] = formats, type["offsets"] = offsets;
+  type["itemsize"] = size;
+  return array_of(nb::make_tuple(count), type, data, count * size);
+}
+
 void enumeration(nb::module_& m, const char* name, const std::vector<const char*>& members) {
   const nb::object make = nb::module_::import_("enum").attr("IntEnum");
   nb::list values;
@@ -221,6 +243,8 @@ void bind_structs(nb::module_& m) {
   structure<MultirateSettings>(m, "MultirateSettings");
   structure<SafetyLimits>(m, "SafetyLimits");
   structure<StartSettings>(m, "StartSettings");
+  structure<StartReport>(m, "StartReport");
+  structure<SafetyReport>(m, "SafetyReport");
   structure<Effects>(m, "Effects",
                      TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness,
                                       arm_damping, ripple, phase, delayed));

@@ -47,6 +47,13 @@ nb::class_<T> structure(nb::module_& m, const char* name) {
   return structure<T>(m, name, c::table_of<T>);
 }
 
+/// Records as a structured numpy array, a copy of theirs, with these members.
+nb::object records(const void* data, std::size_t count, std::size_t size, const c::Table& table);
+template <class T>
+nb::object records(const std::vector<T>& rows, const c::Table& table) {
+  return records(rows.data(), rows.size(), sizeof(T), table);
+}
+
 /// An IntEnum whose members count from 0 in this order.
 void enumeration(nb::module_& m, const char* name, const std::vector<const char*>& members);
 

@@ -37,7 +37,7 @@ Outcome Plant::rest() {
   for (int i = 0; i < n; ++i)
     rotors_[i] = shaft(i, q[i]) + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
   Extended q_e{};
-  outcome = exact_readings(truth_, state_.pose, q_e, rest_);
+  outcome = extended(level_of(truth_), truth_, state_.pose, q_e, &rest_);
   for (int k = 0; k < truth_.r; ++k) geared_[k] = q_e[n + k];
   return outcome;
 }
@@ -122,9 +122,9 @@ Outcome Plant::measure(Extended& q_e) {
   if (effects_.give_way()) {
     Robot robot = truth_;
     outcome = bend(robot);
-    if (outcome) outcome = exact_readings(robot, state_.pose, q_e, rest_);
+    if (outcome) outcome = extended(level_of(robot), robot, state_.pose, q_e, &rest_);
   } else {
-    outcome = exact_readings(truth_, state_.pose, q_e, rest_);
+    outcome = extended(level_of(truth_), truth_, state_.pose, q_e, &rest_);
   }
   if (!outcome) return outcome;
   for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows beyond the backlash

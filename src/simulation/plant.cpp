@@ -69,13 +69,8 @@ void spoil(const Robot& truth, Random& random, Extended& q_e) {
     q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
 }
 
-Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e, Parasitic& rest) {
-  return robot.rod_by_rod() ? extended_full(robot, pose, q_e, &rest) : extended(robot, pose, q_e);
-}
-
 Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {
-  Parasitic rest;
-  const Outcome outcome = exact_readings(truth, pose, q_e, rest);
+  const Outcome outcome = extended(level_of(truth), truth, pose, q_e);
   if (outcome) spoil(truth, random, q_e);
   return outcome;
 }

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "control/dynamics.hpp"
-#include "mechanism/full.hpp"
+#include "mechanism/levels.hpp"
 
 namespace truepose {
 /// State of the plant: pose and free twist. Its Robot is the true one.
@@ -44,9 +44,6 @@ using Random = std::mt19937_64;
 
 /// Converts exact readings to real ones: adds Gaussian noise, then quantizes.
 void spoil(const Robot& truth, Random& random, Extended& q_e);
-
-/// Readings without noise and quantization, at the robot's level. @param rest  as for ikm_full
-Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e, Parasitic& rest);
 
 /// Computes the encoder readings of the true robot: its geometry, offsets, gains, noise and counts.
 Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e);

@@ -106,7 +106,7 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
 Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint,
                                  const Extended& q_e) {
   Joint q{};
-  const Outcome outcome = command(believed, setpoint.x, q);
+  const Outcome outcome = command(Level::ideal, believed, setpoint.x, q);
   if (!outcome) return outcome;
   const Joint error = extras_.law(setpoint.x, q_e);
   Extended shown{};
@@ -130,7 +130,7 @@ Outcome Loop::run_safely(const Robot& believed, double time, const Setpoint& set
   cycle.x = setpoint.x;
   std::copy_n(q_e.begin(), dof(nominal_.mobility), cycle.q.begin());
   const Pose pose = to_pose(nominal_.mobility, setpoint.x);
-  cycle.answer = command(believed, pose, cycle.q_d);
+  cycle.answer = command(Level::ideal, believed, pose, cycle.q_d);
   if (cycle.answer)
     cycle.answer =
         inverse_dynamics(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);

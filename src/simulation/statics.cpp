@@ -90,7 +90,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Extended q_e{};
     Joint load{};
-    outcome = exact_readings(truth, pose, q_e, standing);
+    outcome = extended(level_of(truth), truth, pose, q_e, &standing);
     if (outcome && settings.gravity) outcome = hold(truth, pose, load);
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;

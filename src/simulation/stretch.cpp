@@ -76,8 +76,8 @@ Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load
   if (!robot.finished) return {Status::unfinished, -1};
   FullClosure at;
   if (level == Level::full && robot.full.own()) {
-    const Outcome outcome = ikm_full(robot, pose, at);
-    return outcome ? pull(robot, at.q, at.built, at.at, load, by) : outcome;
+    const Outcome outcome = ikm(robot, pose, at);
+    return outcome ? pull(robot, at.q(), at.built, at.at, load, by) : outcome;
   }
   Closure ideal;
   const Outcome outcome = ikm(robot, pose, ideal);
@@ -107,8 +107,7 @@ Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Join
     chain.encoder_offset -= arms[i] * result.by_arm[i];
   }
   PoseRows H_x;
-  Parasitic rest;
-  outcome = linearise(level, longer, pose, result.q_e, H_x, H_xi, rest);
+  outcome = linearise(level, longer, pose, result.q_e, H_x, H_xi);
   if (!outcome) return outcome;
   result.tension = by.tension;
   for (int c = 0; c < n + robot.r; ++c) {

@@ -17,7 +17,7 @@
 
 #include <limits>
 
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 
 namespace truepose {
 /// Load on a robot's rods, in addition to its weight.

@@ -331,7 +331,7 @@ Pose nearby(Mobility K, const Pose& pose, check::Random& random, double size) {
 
 Extended readings_at(const Robot& robot, const Pose& pose) {
   Extended q_e{};
-  CHECK(extended(robot, pose, q_e));
+  CHECK(extended(Level::ideal, robot, pose, q_e));
   return q_e;
 }
 

@@ -11,7 +11,7 @@
 #include "check.hpp"
 #include "control/law.hpp"
 #include "estimation/online_calibrator.hpp"
-#include "mechanism/full.hpp"
+#include "mechanism/levels.hpp"
 
 namespace mechanisms {
 

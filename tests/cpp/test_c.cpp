@@ -31,31 +31,27 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
     CHECK(same(model.outcome, {}));
     CHECK(truepose_freedoms(model) == robot.motors);
     CHECK(truepose_sensors(model) == robot.r);
-    const bool full = robot.rod_by_rod();
+    const Level level = level_of(robot);
     for (int k = 0; k < 20; ++k) {
       const Coordinates x = random_pose(mechanism, random);
       Joint q{};
       truepose_real q_c[TRUEPOSE_MOTORS] = {}, x_c[TRUEPOSE_FREEDOMS] = {},
                     q_e[TRUEPOSE_READINGS] = {};
-      CHECK(same(truepose_ikm(model, x.data(), q_c),
-                 full ? command_full(robot, x, q) : command(robot, x, q)));
+      CHECK(same(truepose_ikm(model, x.data(), q_c), command(level, robot, x, q)));
       CHECK(same(q_c, q));
       Coordinates found = robot.home;
       std::copy_n(robot.home.begin(), 6, x_c);
       const truepose_fkm_result result = truepose_fkm(model, q_c, kCap, x_c);
       CHECK(result.outcome.status == TRUEPOSE_OK);
-      CHECK(bool(full ? fkm_full(robot, q, found).status == Status::ok
-                      : fkm(robot, q, found).status == Status::ok));
+      CHECK(fkm(level, robot, q, found).status == Status::ok);
       CHECK(same(x_c, found));
       Reading r{};
-      CHECK(same(truepose_readings(model, x.data(), q_e),
-                 full ? rkm_full(robot, x, r) : rkm(robot, x, r)));
+      CHECK(same(truepose_readings(model, x.data(), q_e), rkm(level, robot, x, r)));
       for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_e[i], q[i], 1e-12);
       for (int i = 0; i < robot.r; ++i) CHECK(q_e[robot.motors + i] == r[i]);
       JointMatrix J{};
       truepose_real J_c[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS] = {};
-      CHECK(same(truepose_jacobian(model, x.data(), J_c),
-                 full ? jacobian_full(robot, x, J) : jacobian(robot, x, J)));
+      CHECK(same(truepose_jacobian(model, x.data(), J_c), jacobian(level, robot, x, J)));
       CHECK(std::memcmp(J_c, &J, sizeof J) == 0);
       double parallel = 0;
       Joint serial{};
@@ -129,7 +125,7 @@ TEST_EACH(for_each_pivot,
         x_c[TRUEPOSE_FREEDOMS] = {}, J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS],
         torque[TRUEPOSE_MOTORS] = {}, joint[TRUEPOSE_FREEDOMS], back[TRUEPOSE_MOTORS],
         read[TRUEPOSE_READINGS];
-    CHECK(ikm(robot, x, q) && same(truepose_ikm(model, x.data(), q_c), {}));
+    CHECK(ikm(Level::ideal, robot, x, q) && same(truepose_ikm(model, x.data(), q_c), {}));
     CHECK(same(q_c, q));
     CHECK(same(truepose_fkm(model, q_c, kCap, x_c).outcome, {}));
     for (int j = 0; j < n; ++j) CHECK_NEAR(x_c[j], x[j], 1e-12);
@@ -436,7 +432,8 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   CHECK(after.count == p && std::equal(after.root, after.root + p * p, core.state.root));
   truepose_real q[TRUEPOSE_MOTORS] = {};
   Joint expected{};
-  CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
+  CHECK(same(truepose_ikm(&learnt, robot.home.data(), q),
+             ikm(Level::ideal, core.robot, robot.home, expected)));
   CHECK(same(q, expected));
   int64_t counted = 0, left_out = 0;
   CHECK(same(truepose_online_calibrator_samples(&learner, &counted, &left_out), {}));
@@ -693,7 +690,7 @@ TEST_EACH(for_each,
     Coordinates rate{};
     std::copy_n(joints.velocity, 6, rate.begin());
     for (Real& value : rate) value *= kStep;
-    CHECK(ikm(robot, to_coordinates(K, moved(K, to_pose(K, x), rate)), q_near));
+    CHECK(ikm(Level::ideal, robot, to_coordinates(K, moved(K, to_pose(K, x), rate)), q_near));
     for (int i = 0; i < n; ++i)
       along =
           std::max(along, std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));

@@ -44,7 +44,7 @@ struct Bench {
     for (int k = 0; k < kRows; ++k) {
       const Coordinates at = random_pose(mechanism, random);
       Extended read{};
-      CHECK(extended(truth, to_pose(K, at), read));
+      CHECK(extended(Level::ideal, truth, to_pose(K, at), read));
       for (int i = 0; i < kReadings; ++i) readings.push_back(read[i] + 1e-5 * random());
       for (int i = 0; i < 2; ++i) measured.push_back(at[i] + 2e-5 * random());
     }

@@ -23,7 +23,8 @@ struct Scene {
     check::Random random(3);
     for (int k = 0; k < lines; ++k) {
       Extended q_e;
-      CHECK(extended(robot, to_pose(K, mechanisms::random_pose(mechanism, random)), q_e));
+      CHECK(extended(Level::ideal, robot, to_pose(K, mechanisms::random_pose(mechanism, random)),
+                     q_e));
       CHECK(calibrate_online(learner, q_e));
     }
     H_xi.resize((dof(K) + r) * parameter_count(robot));
@@ -59,7 +60,7 @@ struct Scene {
     Joint error;
     Extended q_e;
     check::Random random(9);
-    CHECK(extended(robot, mechanisms::nearby(K, to_pose(K, x), random, beside), q_e));
+    CHECK(extended(Level::ideal, robot, mechanisms::nearby(K, to_pose(K, x), random, beside), q_e));
     CHECK(refer(robot, Law::weighted, x, reference, 0, weighing));
     answer.tej = reference.tej;
     CHECK(refer(robot, Law::estimated, x, reference, 0, weighing));
@@ -74,7 +75,7 @@ struct Scene {
   reference::Dense J{dof(K), dof(K)};
   void look(const Pose& pose) {
     Extended q_e;
-    CHECK(linearise(robot, pose, q_e, H_x, H_xi.data()));
+    CHECK(linearise(Level::ideal, robot, pose, q_e, H_x, H_xi.data()));
     CHECK(reading_covariance(robot, known(), H_xi.data(), B.data(), C));
     CHECK(fuse(robot, known(), C, H_x, fusion));
     for (int i = 0; i < dof(K); ++i)
@@ -186,7 +187,8 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
     for (int k = 0; k < 60; ++k) {
       const Coordinates x = scene.along(5e-3 * k);
       Extended q_e;  // of a robot beside x whose readings disagree by a few σ
-      CHECK(extended(scene.robot, mechanisms::nearby(K, to_pose(K, x), random, 1e-3), q_e));
+      CHECK(extended(Level::ideal, scene.robot, mechanisms::nearby(K, to_pose(K, x), random, 1e-3),
+                     q_e));
       for (int c = 0; c < rows; ++c) q_e[c] += 3e-5 * random();
       Reference reference;
       Joint error;
@@ -202,7 +204,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       Extended expected, residual{};
       Coordinates step;
       PoseRows H_x;
-      CHECK(linearise(scene.robot, kept, expected, H_x, nullptr));
+      CHECK(linearise(Level::ideal, scene.robot, kept, expected, H_x, nullptr));
       CHECK(at.set_jacobians(scene.robot, H_x) && at.weigh(scene.robot, scene.known(), scene.kept));
       innovation(scene.robot, q_e, expected, residual);
       const double chi2 = at.step(scene.robot, residual, step);

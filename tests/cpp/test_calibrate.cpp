@@ -58,7 +58,7 @@ class SceneOf {
     for (int k = 0; k < lines; ++k) {
       x.push_back(random_pose(mechanism, random_));
       Extended read{};
-      CHECK(extended(truth, to_pose(K, x.back()), read));
+      CHECK(extended(Level::ideal, truth, to_pose(K, x.back()), read));
       add(read);
     }
     for (int k = 0; k < lines * readings() * settings.influences; ++k) act(k);
@@ -150,7 +150,7 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
     reference::Rows H_xi(2 * rows, parameter_count(fitted));
     RowMatrix D(rows, 0);
     if (paired(scene.K)) CHECK(left_out(fitted, axes, result.pose[k], H_xi.data(), D));
-    CHECK(linearise(fitted, result.pose[k], expected, H_x, H_xi.data()));
+    CHECK(linearise(Level::ideal, fitted, result.pose[k], expected, H_x, H_xi.data()));
     innovation(fitted, q_e, expected, residual);
     Eigen::MatrixXd B = Eigen::MatrixXd::Zero(rows, p);
     for (int c = 0; c < rows; ++c) {
@@ -219,14 +219,14 @@ TEST("a line that is out of the drawn robot's reach counts once the learnt one r
   const int ordinary = scene.lines();
   for (int sample = 0; sample < 100000 && scene.lines() < ordinary + 3; ++sample) {
     Joint q{};
-    CHECK(ikm(scene.robot, scene.robot.home, q));
+    CHECK(ikm(Level::ideal, scene.robot, scene.robot.home, q));
     for (int i = 0; i < n; ++i) q[i] += 1.5 * random();
     Pose drawn = to_pose(K, scene.robot.home), there = drawn;
     if (fkm(scene.robot, q, drawn).status == Status::ok ||
         fkm(scene.truth, q, there).status != Status::ok)
       continue;
     Extended read{};
-    CHECK(extended(scene.truth, there, read));
+    CHECK(extended(Level::ideal, scene.truth, there, read));
     scene.add(read);
     for (int k = scene.lines() - 1, c = 0; c < scene.readings(); ++c)
       scene.act(k * scene.readings() + c);

@@ -60,7 +60,7 @@ TEST("a singular setpoint holds the torque too") {
   const Robot robot = meeting_legs();
   const ControlSettings settings = settings_for(robot, Law::tej);
   Extended q_e{};
-  CHECK(extended(robot, Pose{}, q_e));
+  CHECK(extended(Level::ideal, robot, Pose{}, q_e));
   ControlState state;
   state.torque = {1, 2, 3};
   CHECK(control(robot, settings, Setpoint{}, q_e, state).status == Status::singular);
@@ -261,7 +261,7 @@ TEST_EACH(for_each,
     Coordinates acceleration{};
     CHECK(forward_dynamics(robot, pose, setpoint.rate, state.torque, acceleration));
     JointMatrix J;
-    CHECK(jacobian(robot, setpoint.x, J));
+    CHECK(jacobian(Level::ideal, robot, setpoint.x, J));
     for (int i = 0; i < n; ++i) {
       double expected = setpoint.acceleration[i];
       for (int j = 0; j < n; ++j) expected += J[i][j] * asked[j];

@@ -165,7 +165,7 @@ TEST("across a singularity of type 2 the torques stay bounded and steady, and th
         Setpoint setpoint{between(crossing, part), {0.1, 0.1}, {1, 1}};
         const Pose pose = moved(K, to_pose(K, setpoint.x), Coordinates{1e-4, 1e-4});
         Extended q_e{};
-        CHECK(extended(robot, pose, q_e));
+        CHECK(extended(Level::ideal, robot, pose, q_e));
         ControlState state, other;
         const Status status = control(robot, damped, setpoint, q_e, state).status;
         if (seen.empty() || seen.back() != status) seen.push_back(status);
@@ -198,7 +198,7 @@ TEST_EACH(for_each,
     Joint q{};
     const double middle = 0.5 * (in + out);
     x[1] += middle;
-    (ikm(robot, x, q) ? in : out) = middle;
+    (ikm(Level::ideal, robot, x, q) ? in : out) = middle;
   }
   double paper = 0;
   for (double inside = 1e-14; inside < 1e-3; inside *= 2) {
@@ -238,7 +238,7 @@ TEST_EACH(for_each,
     settings.kp.fill(10);
     settings.kd.fill(0.1);
     Extended q_e{};
-    if (!extended(robot, to_pose(K, x), q_e)) continue;
+    if (!extended(Level::ideal, robot, to_pose(K, x), q_e)) continue;
     ControlState state;
     CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
     CHECK(all_finite(state.torque, n) && largest(n, state.torque) < 1e4);

@@ -120,7 +120,7 @@ TEST_EACH(for_each, "conditioning and pole placement do not depend on how an enc
   CHECK(place_poles(mechanism.robot, robot.home, 100, 1, one));
   CHECK(place_poles(robot, robot.home, 100, 1, other));
   Joint q{};
-  CHECK(ikm(robot, robot.home, q));
+  CHECK(ikm(Level::ideal, robot, robot.home, q));
   for (int i = 0; i < dof(robot.mobility); ++i) {
     CHECK_NEAR(serial[i], again[i], 1e-12);
     // The same torque for the same error of the motor: kp per reading, slope readings per angle.
@@ -134,7 +134,7 @@ TEST_EACH(for_each,
   Robot robot = eccentric(mechanism.robot);
   Coordinates x = robot.home;
   Joint q{};
-  CHECK(ikm(robot, robot.home, q));
+  CHECK(ikm(Level::ideal, robot, robot.home, q));
   for (int i = 0; i < n; ++i)
     for (const bool above : {true, false}) {
       Robot limited = robot;
@@ -147,11 +147,11 @@ TEST_EACH(for_each,
       const Outcome home = finish(limited);
       CHECK(home.status == Status::joint_limit && home.chain == i);
       Joint beyond{};
-      CHECK(ikm(limited, robot.home, beyond).status == Status::joint_limit);
+      CHECK(ikm(Level::ideal, limited, robot.home, beyond).status == Status::joint_limit);
       CHECK_NEAR(beyond[i], q[i] - 0.3, 1e-12);
-      CHECK(fkm(limited, beyond, x));
+      CHECK(fkm(Level::ideal, limited, beyond, x));
       JointMatrix J;
-      CHECK(jacobian(limited, robot.home, J));
+      CHECK(jacobian(Level::ideal, limited, robot.home, J));
       ControlState state;
       state.torque.fill(7);
       Extended q_e{};

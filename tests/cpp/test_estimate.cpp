@@ -1,6 +1,6 @@
 // The estimate as the optimum of all readings, and the elimination of the pose.
 #include "calibration/bound.hpp"
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
 
@@ -49,7 +49,7 @@ Dense dense(Level level, const Scene& scene, const Pose& pose) {
   PoseRows H_x;
   reference::Rows H_xi(rows, width);
   Parasitic rest;
-  CHECK(linearise(level, scene.robot, pose, q_e, H_x, H_xi.data(), rest));
+  CHECK(linearise(level, scene.robot, pose, q_e, H_x, H_xi.data(), &rest));
   Dense result{Eigen::MatrixXd(rows, n), Eigen::MatrixXd(rows, p), {}};
   for (int i = 0; i < rows; ++i) {
     for (int j = 0; j < n; ++j) result.H(i, j) = H_x[i][j];
@@ -79,7 +79,7 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
   Fusion fusion;
   const int rows = n + robot.r;
   Parasitic rest;
-  CHECK(linearise(level, robot, pose, q_e, H_x, scene.work.data(), rest));
+  CHECK(linearise(level, robot, pose, q_e, H_x, scene.work.data(), &rest));
   CHECK(reading_covariance(robot, scene.known, scene.work.data(),
                            scene.work.data() + rows * parameter_count(robot), C));
   CHECK(fuse(robot, scene.known, C, H_x, fusion));
@@ -115,7 +115,7 @@ TEST_MODELS(
     Parasitic rest;
     Extended q_e, expected;
     PoseRows H_x;
-    CHECK(linearise(level, robot, pose, q_e, H_x, nullptr, rest));
+    CHECK(linearise(level, robot, pose, q_e, H_x, nullptr, &rest));
     Pose found = nearby(K, pose, random, 1e-3);
     Estimate exact = estimate(level, robot, scene.known, q_e, found, scene.work.data());
     CHECK(exact);
@@ -133,7 +133,7 @@ TEST_MODELS(
     CHECK(best);
     const Eigen::MatrixXd weights = reference::inverse(dense(level, scene, motors).C);
     const Eigen::MatrixXd H = dense(level, scene, found).H;
-    CHECK(linearise(level, robot, found, expected, H_x, nullptr, rest));
+    CHECK(linearise(level, robot, found, expected, H_x, nullptr, &rest));
     Eigen::VectorXd residual(n + robot.r);
     for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
     const Eigen::MatrixXd normal = H.transpose() * weights * H;
@@ -205,7 +205,7 @@ TEST("times_root is a product with a lower triangle, whatever is above it") {
 }
 
 TEST_MODELS(
-    "a visit leaves the posterior of all its rows at once, those of known poses among them") {
+    "a visit leaves the information of all its rows at once, those of known poses among them") {
   check::Random random(5);
   Scene scene(mechanism, random);
   std::vector<Visit> visits(15);
@@ -233,13 +233,12 @@ TEST_MODELS(
     const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
     information += rest.transpose() * rest;
   }
-  RowMatrix found;
-  CHECK(bool(after_visiting(level, scene.robot, scene.known, 0, visits, {}, found)));
-  const auto root = reference::dense(found);
-  const Eigen::MatrixXd expected =
-      scene.root * reference::inverse(information) * scene.root.transpose();
-  CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
-  CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
+  VisitRows all;
+  CHECK(bool(rows_of_visits(level, scene.robot, scene.known, 0, visits, {}, all)));
+  const Eigen::MatrixXd B = reference::dense(all.B) * scene.root,
+                        found = Eigen::MatrixXd::Identity(p, p) + B.transpose() * B;
+  const Eigen::MatrixXd expected = reference::inverse(information);
+  CHECK((reference::inverse(found) - expected).norm() < 1e-7 * expected.norm());
 }
 
 TEST_EACH(for_each, "an estimate that cannot be leaves the guess, and says why") {
@@ -247,7 +246,7 @@ TEST_EACH(for_each, "an estimate that cannot be leaves the guess, and says why")
   Scene scene(mechanism, random);
   const Pose guess = to_pose(K, scene.robot.home);
   Extended q_e;
-  CHECK(extended(scene.robot, guess, q_e));
+  CHECK(extended(Level::ideal, scene.robot, guess, q_e));
   Pose pose = guess;
   Extended lost = q_e;
   lost[1] = NAN;

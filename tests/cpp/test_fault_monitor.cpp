@@ -120,7 +120,7 @@ TEST_EACH(for_each,
     const Pose at = to_pose(K, random_pose(mechanism, random));
     Extended q_e{};
     Parity parity;
-    if (!extended(robot, at, q_e) ||
+    if (!extended(Level::ideal, robot, at, q_e) ||
         !parity.locate(robot, nearby(K, at, random, 1e-3), q_e, Extended{}))
       continue;
     for (int k = 0; k < robot.r; ++k) CHECK_NEAR(parity.value[k], 0, 1e-6);  // of 1 mm the square
@@ -194,7 +194,7 @@ TEST_EACH(
       q_e[0] = scene.read(0)[0] + share * way();
       Pose pose = to_pose(K, scene.at(0));
       CHECK(fkm(scene.robot, motors_of(scene.robot, q_e), pose).status == Status::ok);
-      CHECK(extended(scene.robot, pose, q_e));
+      CHECK(extended(Level::ideal, scene.robot, pose, q_e));
       CHECK((scene.cycle(0, q_e).status == Status::ok) == (share < 1));
       CHECK((scene.seen.reading[0].symptom == Symptom::too_fast) == (share > 1));
     }

@@ -21,7 +21,7 @@ struct FaultTolerantRobot {
     prepare(fault_settings.monitor);
     Robot truth = robot;
     for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (i + 1);
-    known = known && extended(truth, to_pose(K, robot.home), readings);
+    known = known && extended(Level::ideal, truth, to_pose(K, robot.home), readings);
     setpoint.x = robot.home;
   }
   Outcome cycle(const Extended& q_e) {
@@ -92,7 +92,7 @@ TEST_EACH(for_each, "a change of law, or of the geometry, is no step of the torq
   std::vector<double> work(static_cast<std::size_t>(estimate_work(robot, 0)));
   const Weighing weighing{&known, work.data()};
   Extended q_e{};
-  CHECK(extended(truth, to_pose(K, robot.home), q_e));
+  CHECK(extended(Level::ideal, truth, to_pose(K, robot.home), q_e));
   Setpoint setpoint;
   setpoint.x = robot.home;
   ControlState state;
@@ -219,7 +219,7 @@ TEST_EACH(for_each, "a learner goes back to before the lines of a reading that h
   std::vector<std::vector<double>> past;  // what it knew before each line
   for (int k = 0; k < 40; ++k) {
     Extended q_e{};
-    CHECK(extended(truth, to_pose(K, random_pose(mechanism, random, 0.5)), q_e));
+    CHECK(extended(Level::ideal, truth, to_pose(K, random_pose(mechanism, random, 0.5)), q_e));
     past.push_back(xi());
     CHECK(calibrate_online(learner, q_e));
   }

@@ -53,10 +53,10 @@ TEST_EACH(
   for (int k = 0; k < 300; ++k) {
     const Coordinates x = random_pose(mechanism, random);
     Joint q;
-    CHECK(ikm(robot, x, q));
+    CHECK(ikm(Level::ideal, robot, x, q));
     const auto from_home = [&](int cap, Coordinates& found) {
       found = robot.home;
-      return fkm(robot, q, found, cap);
+      return fkm(Level::ideal, robot, q, found, cap);
     };
     Coordinates found, again, short_of;
     const FkmResult free = from_home(kFkmCap, found), twelve = from_home(12, again);

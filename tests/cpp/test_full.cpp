@@ -1,6 +1,6 @@
 // Closure of every rod when the axes are not exact. The full level against its own closures.
 #include "full_robots.hpp"
-#include "mechanism/full.hpp"
+#include "mechanism/levels.hpp"
 
 using namespace mechanisms;
 
@@ -38,14 +38,14 @@ TEST_EACH(for_each_full,
     if (!finish_full(robot) || robot.full.kind != FullKind::exists) ++lost;
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     FullClosure closure, back;
-    const FkmResult there = ikm_full(robot, pose, closure);
-    gap = std::max(gap, largest_gap(robot, closure.pose, closure.q));
+    const FkmResult there = ikm(robot, pose, closure);
+    gap = std::max(gap, largest_gap(robot, closure.pose, closure.q()));
     FullPose near = to_full(nearby(K, pose, random, 1e-3)), far = to_full(to_pose(K, robot.home));
-    const FkmResult once = fkm_full(robot, closure.q, near, back);
-    const FkmResult again = fkm_full(robot, closure.q, far, back);
+    const FkmResult once = fkm(robot, closure.q(), near, back);
+    const FkmResult again = fkm(robot, closure.q(), far, back);
     if (!there || !once || !again) ++lost;
     for (const FullPose& found : {near, far}) {
-      gap = std::max(gap, largest_gap(robot, found, closure.q));
+      gap = std::max(gap, largest_gap(robot, found, closure.q()));
       worst = std::max(
           {worst, distance(K, found, pose), distance(Mobility::spatial, found, closure.pose)});
       for (int k = 0; k < robot.full.bars; ++k)
@@ -97,12 +97,12 @@ TEST(
     CHECK(finish_full(robot) && robot.full.kind == FullKind::elastic);
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     FullClosure there, back;
-    CHECK(ikm_full(robot, pose, there));
+    CHECK(ikm(robot, pose, there));
     FullPose found = to_full(nearby(K, pose, random, 1e-3));
-    CHECK(fkm_full(robot, there.q, found, back));
+    CHECK(fkm(robot, there.q(), found, back));
     apart = std::max(apart, distance(K, found, pose));
     CHECK_NEAR(found.psi[0], found.psi[1], 0);
-    const double rest = energy(robot, found, there.q), h = 1e-5;
+    const double rest = energy(robot, found, there.q()), h = 1e-5;
     held = std::min(held, rest);
     for (int freedom = 0; freedom < 7; ++freedom) {
       double side[2];
@@ -113,7 +113,7 @@ TEST(
         if (freedom >= 3 && freedom < 6)
           moved.R = exp_so3(step * Vec3::Unit(freedom - 3)) * moved.R;
         if (freedom == 6) moved.psi[0] += step, moved.psi[1] += step;
-        side[s] = energy(robot, moved, there.q);
+        side[s] = energy(robot, moved, there.q());
       }
       slope = std::max(slope, std::fabs(side[1] - side[0]) / (2 * h));
     }
@@ -134,14 +134,14 @@ TEST_EACH(for_each_full, "a solution that starts at its neighbour's is the same,
     const Pose next = nearby(K, pose, random, 1e-3);
     FullClosure first, from_ideal, from_near;
     Parasitic rest;
-    CHECK(ikm_full(robot, pose, first, &rest) && rest.known);
-    const FkmResult one = ikm_full(robot, next, from_ideal);
-    const FkmResult other = ikm_full(robot, next, from_near, &rest);
+    CHECK(ikm(robot, pose, first, &rest) && rest.known);
+    const FkmResult one = ikm(robot, next, from_ideal);
+    const FkmResult other = ikm(robot, next, from_near, &rest);
     CHECK(one && other);
     cold += one.iterations;
     warm += other.iterations;
     for (int i = 0; i < n; ++i)
-      apart = std::max(apart, std::fabs(from_ideal.q[i] - from_near.q[i]));
+      apart = std::max(apart, std::fabs(from_ideal.q()[i] - from_near.q()[i]));
     apart = std::max(apart, (from_ideal.pose.R - from_near.pose.R).norm());
   }
   CHECK_NEAR(apart, 0, 1e-13);

@@ -1,7 +1,7 @@
 // Answers of the full level. A Jacobian that is its derivative, readings that follow, whether
 // it exists at all, and a status where it cannot answer.
 #include "full_robots.hpp"
-#include "mechanism/full.hpp"
+#include "mechanism/levels.hpp"
 
 using namespace mechanisms;
 
@@ -33,18 +33,18 @@ TEST_EACH(
     const Coordinates x = random_pose(mechanism, random);
     FullClosure closure;
     JointMatrix of_closure, J;
-    CHECK(ikm_full(robot, to_pose(K, x), closure));
-    CHECK(jacobian_full(robot, closure, of_closure) && jacobian_full(robot, x, J));
+    CHECK(ikm(robot, to_pose(K, x), closure));
+    CHECK(jacobian(robot, closure, of_closure) && jacobian(Level::full, robot, x, J));
     const engine::Mechanism& rods = closure.built.mechanism;
     const engine::Freedoms unknown = engine::forward(rods);
     Matrix<kMaxUnknowns, kMaxUnknowns> rates;
     CHECK(engine::follow(rods, closure.at, unknown, engine::motors(rods), rates));
     const auto moved_to = [&](int motor, double h) {
-      Joint q = closure.q;
+      Joint q = closure.q();
       q[motor] += h;
       FullPose pose = closure.pose;
       FullClosure there;
-      CHECK(fkm_full(robot, q, pose, there));
+      CHECK(fkm(robot, q, pose, there));
       return there;
     };
     for (int m = 0; m < n; ++m) {
@@ -120,11 +120,11 @@ TEST("a robot without a full level says so, whatever it is asked") {
   Joint q{};
   Reading r{};
   JointMatrix J{};
-  CHECK(ikm_full(robot, x, q).status == Status::no_full_level);
-  CHECK(rkm_full(robot, x, r).status == Status::no_full_level);
-  CHECK(jacobian_full(robot, x, J).status == Status::no_full_level);
+  CHECK(ikm(Level::full, robot, x, q).status == Status::no_full_level);
+  CHECK(rkm(Level::full, robot, x, r).status == Status::no_full_level);
+  CHECK(jacobian(Level::full, robot, x, J).status == Status::no_full_level);
   CHECK(parasitic(robot, x, turns).status == Status::no_full_level);
-  CHECK(fkm_full(robot, q, x).status == Status::no_full_level && x == robot.home);
+  CHECK(fkm(Level::full, robot, q, x).status == Status::no_full_level && x == robot.home);
 }
 
 TEST("the full level is as honest as the ideal one about what it cannot answer") {
@@ -134,37 +134,37 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     Coordinates x = robot.home;
     Joint q{};
     x[1] += 5;
-    const Outcome far = ikm_full(robot, x, q);
+    const Outcome far = ikm(Level::full, robot, x, q);
     CHECK(far.status == Status::unreachable && far.chain >= 0);
     for (const double bad : {NAN, INFINITY}) {
       x = robot.home;
       x[0] = bad;
-      CHECK(!ikm_full(robot, x, q));
-      CHECK(ikm(robot, robot.home, q));
-      CHECK(!fkm_full(robot, q, x));
+      CHECK(!ikm(Level::full, robot, x, q));
+      CHECK(ikm(Level::ideal, robot, robot.home, q));
+      CHECK(!fkm(Level::full, robot, q, x));
       x = robot.home;
       q[1] = bad;
-      CHECK(fkm_full(robot, q, x).status == Status::not_finite);
+      CHECK(fkm(Level::full, robot, q, x).status == Status::not_finite);
     }
     Robot short_rod = robot;
     short_rod.chain[1].rod_difference = -2.1 * robot.chain[1].rod;
     x = robot.home;
-    const Outcome none = ikm_full(short_rod, x, q);
+    const Outcome none = ikm(Level::full, short_rod, x, q);
     CHECK(none.status == Status::unreachable && none.chain == 1);
     Robot apart = robot;
     apart.chain[1].base.x() = -3;
-    CHECK(ikm(robot, robot.home, q));
+    CHECK(ikm(Level::ideal, robot, robot.home, q));
     x = robot.home;
-    CHECK(fkm_full(apart, q, x).status == Status::not_converged);
+    CHECK(fkm(Level::full, apart, q, x).status == Status::not_converged);
     // From the other side of the motors Newton finds the mirrored pose: another mode.
     Robot mirrored = robot;
     mirrored.full.sign = -robot.full.sign;
     x = robot.home;
-    CHECK(fkm_full(mirrored, q, x).status == Status::branch_lost);
+    CHECK(fkm(Level::full, mirrored, q, x).status == Status::branch_lost);
     for (int i = 0; i < dof(K); ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
     mirrored.full.sign = robot.full.sign;
     x = robot.home;
-    CHECK(fkm_full(mirrored, q, x).status == Status::branch_lost);
+    CHECK(fkm(Level::full, mirrored, q, x).status == Status::branch_lost);
   });
   // Towards the end of its reach an arm and its rods stretch into one line: no speed along it.
   const Robot robot = h4().robot;
@@ -172,10 +172,10 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
   Joint q{};
   for (int k = 0; k < 60; ++k) {
     const double y = 0.5 * (inside + outside);
-    (ikm(robot, {0, y, -0.4, 0}, q) ? inside : outside) = y;
+    (ikm(Level::ideal, robot, {0, y, -0.4, 0}, q) ? inside : outside) = y;
   }
   JointMatrix J{};
-  const Outcome outcome = jacobian_full(robot, {0, inside, -0.4, 0}, J);
+  const Outcome outcome = jacobian(Level::full, robot, {0, inside, -0.4, 0}, J);
   CHECK(outcome.status == Status::singular && outcome.chain >= 0);
 }
 
@@ -184,10 +184,10 @@ TEST_EACH(for_each_full,
   check::Random random(97);
   for (long k = 0; k < check::sample_size(2000); ++k) {
     Coordinates x = random_joint(random, 2);
-    const FkmResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
+    const FkmResult result = fkm(Level::full, mechanism.robot, random_joint(random, 4), x);
     CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, n)));
     CHECK(!result || result.residual < 1e-12);
     Joint q{};
-    CHECK(!ikm_full(mechanism.robot, random_joint(random, 1), q) || all_finite(q, n));
+    CHECK(!ikm(Level::full, mechanism.robot, random_joint(random, 1), q) || all_finite(q, n));
   }
 }

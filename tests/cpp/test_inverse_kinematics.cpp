@@ -66,7 +66,7 @@ TEST_EACH(for_each, "a telemeter's point is on its line and on the nacelle's pla
   for (int k = 0; k < 200; ++k) {
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     Extended q_e;
-    CHECK(extended(robot, pose, q_e));
+    CHECK(extended(Level::ideal, robot, pose, q_e));
     for (int s = 0; s < 2; ++s) {
       const Sensor& sensor = robot.sensor[s];
       if (sensor.kind == SensorKind::platform_angle) {
@@ -142,16 +142,18 @@ TEST_EACH(
 TEST_EACH(for_each, "a machine's targets are in its own assembly mode") {
   Robot robot = mechanism.robot;
   Joint q{}, same{};
-  CHECK(ikm(robot, robot.home, q) && command(robot, robot.home, same) && same == q);
+  CHECK(ikm(Level::ideal, robot, robot.home, q) && command(Level::ideal, robot, robot.home, same) &&
+        same == q);
   robot.assembly_sign *= -1;  // as if home were in the other
-  CHECK(ikm(robot, robot.home, q));
-  CHECK(command(robot, robot.home, same).status == Status::branch_lost);
+  CHECK(ikm(Level::ideal, robot, robot.home, q));
+  CHECK(command(Level::ideal, robot, robot.home, same).status == Status::branch_lost);
   const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
   robot.full.sign *= -1;
-  if (full) CHECK(command_full(robot, robot.home, same).status == Status::branch_lost);
+  if (full) CHECK(command(Level::full, robot, robot.home, same).status == Status::branch_lost);
   robot = mechanism.robot;
-  if (full || robot.full.own()) CHECK(command_full(robot, robot.home, same));  // elastic, too
+  if (full || robot.full.own())
+    CHECK(command(Level::full, robot, robot.home, same));  // elastic, too
   robot.chain[0].low = 99;
   static_cast<void>(finish(robot));
-  CHECK(command(robot, robot.home, same).status == Status::joint_limit);
+  CHECK(command(Level::ideal, robot, robot.home, same).status == Status::joint_limit);
 }

@@ -20,7 +20,7 @@ TEST_EACH(for_each, "for readings that agree, every law sees the joint error to 
         Pose estimate;
         for (int i = 0; i < n; ++i) step[i] = size * direction[i];
         Extended q_e{};
-        CHECK(extended(robot, moved(K, reference.closure.pose, step), q_e));
+        CHECK(extended(Level::ideal, robot, moved(K, reference.closure.pose, step), q_e));
         CHECK(motor_error(robot, Law::joint, reference, q_e, joint, estimate));
         CHECK(motor_error(robot, law, reference, q_e, error, estimate, prior.weighing()));
         double largest = 0;

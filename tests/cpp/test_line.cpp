@@ -64,7 +64,7 @@ class Scene {
     for (int k = 1; k < of_robot.count; ++k) root(k, k - 1) = 4e-4 * random();
     known = {p, column.data(), root.data(), {}};
     for (double& sigma : known.sigma) sigma = 1e-5 * (2 + random());
-    CHECK(linearise(robot, pose, expected, H_x, H_xi.data()));
+    CHECK(linearise(Level::ideal, robot, pose, expected, H_x, H_xi.data()));
     for (int c = 0; c < readings(); ++c) q_e[c] = expected[c] + 3 * known.sigma[c] * random();
   }
   int readings() const { return n + robot.r; }

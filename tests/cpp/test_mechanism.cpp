@@ -158,7 +158,7 @@ TEST_EACH(for_every,
     const Coordinates x = to_coordinates(K, pose);
     Joint q{}, start{};
     JointMatrix J;
-    if (!ikm(robot, x, q) || !jacobian(robot, x, J)) continue;
+    if (!ikm(Level::ideal, robot, x, q) || !jacobian(Level::ideal, robot, x, J)) continue;
     const double unit = condition(robot, J);
     for (int i = 0; i < n; ++i) start[i] = q[i] + 1e-3 * random();
     Built built;
@@ -200,7 +200,7 @@ TEST_EACH(for_every, "readings and H_x of a description are those of the robot's
     const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
     Extended q_e;
     PoseRows H_x, by_engine;
-    if (!linearise(robot, pose, q_e, H_x, nullptr)) continue;
+    if (!linearise(Level::ideal, robot, pose, q_e, H_x, nullptr)) continue;
     Built built;
     build(robot, Layout::ideal, built);
     Position at;

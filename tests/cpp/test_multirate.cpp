@@ -19,7 +19,7 @@ Coordinates at(const Mechanism& mechanism, double k) {
 
 Extended read_at(const Mechanism& mechanism, const Robot& truth, double k) {
   Extended q_e{};
-  CHECK(extended(truth, to_pose(truth.mobility, at(mechanism, k)), q_e));
+  CHECK(extended(Level::ideal, truth, to_pose(truth.mobility, at(mechanism, k)), q_e));
   return q_e;
 }
 

@@ -1,6 +1,6 @@
 // One update of the online calibration filter.
 #include "calibration/dense.hpp"
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
 
@@ -39,7 +39,7 @@ class Scene {
     Extended q_e{};
     PoseRows H_x;
     Parasitic rest;
-    CHECK(linearise(level, truth, to_pose(robot.mobility, x), q_e, H_x, nullptr, rest));
+    CHECK(linearise(level, truth, to_pose(robot.mobility, x), q_e, H_x, nullptr, &rest));
     for (int c = 0; c < dof(robot.mobility) + robot.r; ++c)
       q_e[c] += std::sqrt(3) * learner_.state.sigma[c] * random_();
     return q_e;
@@ -110,7 +110,7 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
   PoseRows H_x;
   reference::Rows H_xi(rows, parameter_count(scene.robot));
   Parasitic rest;
-  CHECK(linearise(level, learner.robot, pose, expected, H_x, H_xi.data(), rest));
+  CHECK(linearise(level, learner.robot, pose, expected, H_x, H_xi.data(), &rest));
   innovation(learner.robot, q_e, expected, residual);
   Eigen::MatrixXd A(rows, n), B(rows, p);
   Eigen::VectorXd e(rows);

@@ -16,7 +16,7 @@ class Scene {
   /// The true robot's readings at a pose; the first motor's `more` further.
   Extended read(const Coordinates& x, double more = 0) const {
     Extended q_e{};
-    CHECK(extended(truth, to_pose(truth.mobility, x), q_e));
+    CHECK(extended(Level::ideal, truth, to_pose(truth.mobility, x), q_e));
     q_e[0] += more;
     return q_e;
   }
@@ -104,7 +104,7 @@ TEST("a robot understood rod by rod is learnt rod by rod") {
   Extended q_e{};
   PoseRows H_x;
   const Pose pose = to_pose(Mobility::schoenflies, mechanism.robot.home);
-  CHECK(linearise_full(scene.truth, pose, q_e, H_x, nullptr));
+  CHECK(linearise(Level::full, scene.truth, pose, q_e, H_x, nullptr));
   Scene ideal(mechanism);
   const Outcome full = scene.learn(q_e), other = calibrate_online(Level::ideal, ideal.learner, q_e);
   CHECK(full && other);

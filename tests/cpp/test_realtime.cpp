@@ -14,7 +14,7 @@
 #include "control/safety_defaults.hpp"
 #include "controllers.hpp"
 #include "estimation/estimate.hpp"
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 #include "simulation/plant.hpp"
 
 namespace {
@@ -90,7 +90,7 @@ struct Scene {
       Parasitic rest;
       const Pose beside =
           nearby(robot.mobility, to_pose(robot.mobility, cycle.setpoint.x), random, 1e-3 * part);
-      CHECK(exact_readings(robot, beside, cycle.q_e, rest));
+      CHECK(extended(level_of(robot), robot, beside, cycle.q_e, &rest));
     }
   }
   static Robot sensed(Robot robot, Level level) {
@@ -207,13 +207,14 @@ TEST_EACH(for_each, "no model does at either level, whether it finds an answer o
           JointMatrix J;
           ExtendedColumns M;
           ExtendedRows M_plus;
-          const bool ideal = ikm(robot, x, q) && rkm(robot, x, r) && tej(robot, x, M, M_plus) &&
-                             command(robot, x, q) && fkm(robot, q, back);
-          static_cast<void>(fkm(robot, made.at(k).any, back));  // mostly fails
+          const bool ideal = ikm(Level::ideal, robot, x, q) && rkm(Level::ideal, robot, x, r) &&
+                             tej(robot, x, M, M_plus) && command(Level::ideal, robot, x, q) &&
+                             fkm(Level::ideal, robot, q, back);
+          static_cast<void>(fkm(Level::ideal, robot, made.at(k).any, back));  // mostly fails
           back = robot.home;
-          const bool rods = ikm_full(robot, x, q) && rkm_full(robot, x, r) &&
-                            jacobian_full(robot, x, J) && fkm_full(robot, q, back);
-          static_cast<void>(fkm_full(robot, made.at(k).any, back));
+          const bool rods = ikm(Level::full, robot, x, q) && rkm(Level::full, robot, x, r) &&
+                            jacobian(Level::full, robot, x, J) && fkm(Level::full, robot, q, back);
+          static_cast<void>(fkm(Level::full, robot, made.at(k).any, back));
           static_cast<void>(finish_full(copy));
           return ideal && rods == full;
         }) == count);

@@ -5,9 +5,9 @@
 #include "control/safe_control.hpp"
 #include "control/start_test.hpp"
 #include "estimation/estimate.hpp"
+#include "estimation/linearise.hpp"
 #include "estimation/online_calibrator.hpp"
 #include "mechanism/fkm.hpp"
-#include "mechanism/full_linearise.hpp"
 #include "mechanism/geometry.hpp"
 
 #include <climits>
@@ -101,26 +101,26 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
   Robot other = robot;
   ControlSettings settings;
   std::vector<std::pair<const char*, Outcome>> all{
-      {"ikm", ikm(robot, x, q)},
-      {"ikm_full", ikm_full(robot, x, q)},
-      {"command", command(robot, x, q)},
-      {"command_full", command_full(robot, x, q)},
+      {"ikm", ikm(Level::ideal, robot, x, q)},
+      {"ikm_full", ikm(Level::full, robot, x, q)},
+      {"command", command(Level::ideal, robot, x, q)},
+      {"command_full", command(Level::full, robot, x, q)},
       {"within_limits", within_limits(robot, q)},
-      {"fkm", outcome_of(fkm(robot, q, found))},
-      {"fkm_full", outcome_of(fkm_full(robot, q, found))},
+      {"fkm", outcome_of(fkm(Level::ideal, robot, q, found))},
+      {"fkm_full", outcome_of(fkm(Level::full, robot, q, found))},
       {"fkm_closed", fkm_closed(robot, q, pose.R, Vec3(0, 0, -0.4), D)},
-      {"rkm", rkm(robot, x, r)},
-      {"rkm_full", rkm_full(robot, x, r)},
-      {"jacobian", jacobian(robot, x, J)},
-      {"jacobian_full", jacobian_full(robot, x, J)},
+      {"rkm", rkm(Level::ideal, robot, x, r)},
+      {"rkm_full", rkm(Level::full, robot, x, r)},
+      {"jacobian", jacobian(Level::ideal, robot, x, J)},
+      {"jacobian_full", jacobian(Level::full, robot, x, J)},
       {"parasitic", parasitic(robot, x, turns)},
       {"conditioning", conditioning(robot, x, parallel, torque)},
       {"tej", tej(robot, x, M, M_plus)},
-      {"extended", extended(robot, pose, q_e)},
+      {"extended", extended(Level::ideal, robot, pose, q_e)},
       {"redundant_fkm", redundant_fkm(robot, q_e, found)},
       {"read_standing", read_standing(robot, to_full(pose), Joint{}, Joint{}, q_e)},
-      {"linearise", linearise(robot, pose, q_e, H_x, nullptr)},
-      {"linearise_full", linearise_full(robot, pose, q_e, H_x, nullptr)},
+      {"linearise", linearise(Level::ideal, robot, pose, q_e, H_x, nullptr)},
+      {"linearise_full", linearise(Level::full, robot, pose, q_e, H_x, nullptr)},
       {"estimate",
        estimate(Level::ideal, robot, memory.known, q_e, near, memory.work.data()).outcome},
       {"forward_dynamics", forward_dynamics(robot, pose, {}, {}, acceleration)},
@@ -228,7 +228,7 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
     CHECK(finish(robot).status == wrong.status);
     CHECK(!robot.finished);
     Joint q{};
-    CHECK(ikm(robot, {0, 0, -0.5}, q).status == Status::unfinished);
+    CHECK(ikm(Level::ideal, robot, {0, 0, -0.5}, q).status == Status::unfinished);
     CHECK(finish_full(robot).status == Status::unfinished);
   }
 }

@@ -28,7 +28,7 @@ TEST_EACH(for_each_pivot, "FKM(IKM(x)) = x from neutral over the whole range, no
   for (long k = 0; k < poses; ++k) {
     const Coordinates x = random_pose(mechanism, random);
     Joint q;
-    if (!ikm(robot, x, q)) {
+    if (!ikm(Level::ideal, robot, x, q)) {
       ++beyond;
       continue;
     }
@@ -111,14 +111,14 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
     const Pose pose = to_pose(K, random_pose(mechanism, random, 0.6));
     Extended q_e{};
     PoseRows H_x;
-    CHECK(linearise(robot, pose, q_e, H_x, H.data()));
+    CHECK(linearise(Level::ideal, robot, pose, q_e, H_x, H.data()));
     for (int j = 0; j < n; ++j)
       for (int m = 0; m < rows; ++m)
         CHECK_NEAR(H_x[m][j], slope_of([&](double h) {
                      Coordinates step{};
                      step[j] = h;
                      Extended there{};
-                     CHECK(extended(robot, moved(K, pose, step), there));
+                     CHECK(extended(Level::ideal, robot, moved(K, pose, step), there));
                      return there[m];
                    }),
                    1e-7 * (1 + std::fabs(H_x[m][j])));
@@ -135,7 +135,7 @@ TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_
               Robot changed = robot;
               CHECK(set_parameters(robot, other.data(), changed));
               Extended there{};
-              CHECK(extended(changed, pose, there));
+              CHECK(extended(Level::ideal, changed, pose, there));
               return there[m];
             },
             1e-5);

@@ -1,7 +1,7 @@
 // Derivatives of the readings at both levels: along the pose, and along every parameter.
 #include <functional>
 
-#include "mechanism/full_linearise.hpp"
+#include "estimation/linearise.hpp"
 #include "mechanisms.hpp"
 
 using namespace mechanisms;
@@ -152,8 +152,7 @@ struct Readings {
 Readings read_at(bool full, const Robot& robot, const Pose& pose) {
   Readings at;
   at.H_xi.resize((dof(robot.mobility) + robot.r) * parameter_count(robot));
-  CHECK(full ? linearise_full(robot, pose, at.q_e, at.H_x, at.H_xi.data())
-             : linearise(robot, pose, at.q_e, at.H_x, at.H_xi.data()));
+  CHECK(linearise(full ? Level::full : Level::ideal, robot, pose, at.q_e, at.H_x, at.H_xi.data()));
   return at;
 }
 

@@ -87,7 +87,7 @@ TEST("a robot rests under its weight also where gravity holds it more stiffly th
     Joint load{};
     CHECK(settle(robot, truth, {settings, true}, robot.home, x));
     Extended q_e{};
-    CHECK(extended(truth, to_pose(K, x), q_e));
+    CHECK(extended(Level::ideal, truth, to_pose(K, x), q_e));
     Setpoint at_home;
     at_home.x = robot.home;
     ControlState state;

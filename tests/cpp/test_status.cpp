@@ -23,7 +23,7 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
     Coordinates x = mechanism.robot.home;
     Joint q{};
     x[1] += 5;
-    const Outcome outcome = ikm(mechanism.robot, x, q);
+    const Outcome outcome = ikm(Level::ideal, mechanism.robot, x, q);
     if (mechanism.robot.chain[0].actuator == Actuator::telescopic) {
       CHECK(outcome);  // a telescopic leg is as long as it has to be
     } else {
@@ -34,7 +34,7 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
   Robot robot = h4().robot;  // chain 2 alone is too short
   robot.chain[2].rod = 0.1;
   Joint q{};
-  const Outcome outcome = ikm(robot, robot.home, q);
+  const Outcome outcome = ikm(Level::ideal, robot, robot.home, q);
   CHECK(outcome.status == Status::unreachable && outcome.chain == 2);
 }
 
@@ -43,7 +43,7 @@ TEST("motor positions that no pose holds are unreachable, by Newton and in close
   robot.chain[1].base.x() = -3;
   Coordinates x = robot.home;
   Joint q{0.5, 0.5, 0.5, 0.5};
-  CHECK(fkm(robot, q, x).status == Status::unreachable);
+  CHECK(fkm(Level::ideal, robot, q, x).status == Status::unreachable);
   Vec3 D;
   CHECK(fkm_closed(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status == Status::unreachable);
 }
@@ -51,16 +51,16 @@ TEST("motor positions that no pose holds are unreachable, by Newton and in close
 TEST_EACH(for_each, "a telescopic leg has no negative and no zero length") {
   if (mechanism.robot.chain[0].actuator != Actuator::telescopic) return;
   Joint q{};
-  CHECK(ikm(mechanism.robot, mechanism.robot.home, q));
+  CHECK(ikm(Level::ideal, mechanism.robot, mechanism.robot.home, q));
   for (const double factor : {-1.0, 0.0}) {
     Coordinates x = mechanism.robot.home;
     Joint wrong = q, all{};
     wrong[1] *= factor;
     for (int i = 0; i < n; ++i) all[i] = factor * q[i];
-    const FkmResult result = fkm(mechanism.robot, wrong, x);
+    const FkmResult result = fkm(Level::ideal, mechanism.robot, wrong, x);
     CHECK(result.status == Status::unreachable && result.chain == 1);
     x = mechanism.robot.home;
-    CHECK(fkm(mechanism.robot, all, x).status == Status::unreachable);
+    CHECK(fkm(Level::ideal, mechanism.robot, all, x).status == Status::unreachable);
   }
 }
 
@@ -72,10 +72,10 @@ TEST("a stretched arm is singular of the first type, and the chain is named") {
   const double reach = (A - robot.chain[0].base).norm();
   robot.chain[0].rod = reach - robot.chain[0].arm;
   JointMatrix J{};
-  Outcome outcome = jacobian(robot, robot.home, J);
+  Outcome outcome = jacobian(Level::ideal, robot, robot.home, J);
   if (outcome.status == Status::unreachable) {  // by a rounding
     robot.chain[0].rod *= 1 + 1e-15;
-    outcome = jacobian(robot, robot.home, J);
+    outcome = jacobian(Level::ideal, robot, robot.home, J);
   }
   CHECK(outcome.status == Status::singular && outcome.chain == 0);
 }
@@ -86,7 +86,7 @@ TEST("a robot whose motors do not hold the nacelle is singular of the second typ
   CHECK(finish(robot).status == Status::singular);
   CHECK(robot.assembly_sign == 0);
   JointMatrix J{};
-  const Outcome outcome = jacobian(robot, robot.home, J);
+  const Outcome outcome = jacobian(Level::ideal, robot, robot.home, J);
   CHECK(outcome.status == Status::singular && outcome.chain == -1);
   ExtendedColumns M;
   ExtendedRows M_plus;
@@ -110,13 +110,13 @@ TEST("another assembly mode is a lost branch, not an answer") {
   Robot robot = delta().robot;
   Coordinates x{};
   Joint q{};
-  CHECK(ikm(robot, robot.home, q));
+  CHECK(ikm(Level::ideal, robot, robot.home, q));
   x = robot.home;
   x[2] = 0.9;
-  CHECK(fkm(robot, q, x).status == Status::branch_lost);
+  CHECK(fkm(Level::ideal, robot, q, x).status == Status::branch_lost);
   CHECK(x[2] > 0);
   Robot bar = five_bar().robot;
-  CHECK(ikm(bar, bar.home, q));
+  CHECK(ikm(Level::ideal, bar, bar.home, q));
   x = bar.home;
   x[1] = -0.4;
   constexpr Mobility K = Mobility::planar_translation;
@@ -131,9 +131,9 @@ TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the 
     other.chain[i].working_mode *= -1;
     Coordinates x = mechanism.robot.home;
     Joint q{};
-    CHECK(ikm(other, other.home, q));
+    CHECK(ikm(Level::ideal, other, other.home, q));
     other.chain[i].working_mode *= -1;
-    const FkmResult result = fkm(other, q, x);
+    const FkmResult result = fkm(Level::ideal, other, q, x);
     CHECK(result.status == Status::branch_lost && result.chain == i);
   }
 }
@@ -141,18 +141,18 @@ TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the 
 TEST_EACH(for_each, "a number that is not finite is told from one that is out of reach") {
   const Robot& robot = mechanism.robot;
   Joint good{};
-  CHECK(ikm(robot, robot.home, good));
+  CHECK(ikm(Level::ideal, robot, robot.home, good));
   for (int i = 0; i < n; ++i)
     for (const double bad : {kNan, kInf, -kInf}) {
       Coordinates x = robot.home;
       Joint q = good;
       x[i] = bad;
-      CHECK(ikm(robot, x, q).status == Status::not_finite);
-      CHECK(fkm(robot, good, x).status == Status::not_finite);  // as a guess
+      CHECK(ikm(Level::ideal, robot, x, q).status == Status::not_finite);
+      CHECK(fkm(Level::ideal, robot, good, x).status == Status::not_finite);  // as a guess
       x = robot.home;
       q = good;
       q[i] = bad;
-      const FkmResult result = fkm(robot, q, x);
+      const FkmResult result = fkm(Level::ideal, robot, q, x);
       CHECK(result.status == Status::not_finite && result.chain == i);
       if (K == Mobility::schoenflies || K == Mobility::translation) {
         Vec3 D;
@@ -165,11 +165,11 @@ TEST("beside a singularity, where Newton crawls, the forward model keeps its bou
   Robot robot = meeting_legs();
   robot.assembly_sign = 0;
   Joint q{};
-  CHECK(ikm(robot, Coordinates{}, q));
+  CHECK(ikm(Level::ideal, robot, Coordinates{}, q));
   int iterations = 0;
   for (double turn = 1e-12; turn < 1; turn *= 1.1) {
     Coordinates x{1e-3 * turn, -2e-3 * turn, turn};
-    const FkmResult result = fkm(robot, q, x);
+    const FkmResult result = fkm(Level::ideal, robot, q, x);
     iterations = std::max(iterations, result.iterations);
     check_honest(static_cast<bool>(result), x, 3);
   }
@@ -185,12 +185,12 @@ TEST("a singular pose towards which the search crawls is called singular") {
   for (int k = 0; k < 200; ++k) {
     Coordinates x = robot.home;
     Joint q{};
-    CHECK(ikm(robot, Coordinates{0.05 * random(), 0.05 * random(), 0}, q));
-    const FkmResult result = fkm(robot, q, x);
+    CHECK(ikm(Level::ideal, robot, Coordinates{0.05 * random(), 0.05 * random(), 0}, q));
+    const FkmResult result = fkm(Level::ideal, robot, q, x);
     CHECK(result.status == Status::singular && result.residual < 1e-9);
     for (int i = 0; i < 3; ++i) q[i] -= 0.01;  // shorter legs than any pose of the robot has?
     x = robot.home;
-    const Status status = fkm(robot, q, x).status;
+    const Status status = fkm(Level::ideal, robot, q, x).status;
     CHECK(status == Status::ok || status == Status::not_converged);
   }
 }
@@ -207,9 +207,9 @@ TEST_EACH(
       x[i] += 8 * mechanism.box[i] * random();
       found[i] = mechanism.robot.home[i] + 8 * mechanism.box[i] * random();
     }
-    if (!ikm(mechanism.robot, x, q)) continue;
+    if (!ikm(Level::ideal, mechanism.robot, x, q)) continue;
     ++told;
-    CHECK(fkm(mechanism.robot, q, found).status != Status::unreachable);
+    CHECK(fkm(Level::ideal, mechanism.robot, q, found).status != Status::unreachable);
   }
   CHECK(told > 20);
 }
@@ -217,22 +217,22 @@ TEST_EACH(
 TEST("two rods that cannot meet are unreachable, whichever side of the four is too long") {
   const Robot robot = planar("3-RPR", Actuator::telescopic).robot;
   Joint good{};
-  CHECK(ikm(robot, robot.home, good));
+  CHECK(ikm(Level::ideal, robot, robot.home, good));
   for (const double length : {0.01, 5.0}) {
     Coordinates x = robot.home;
     Joint q = good;
     q[0] = length;
     if (length < 1) q[1] = length;  // both at their own base points, farther apart than the pivots
-    CHECK(fkm(robot, q, x).status == Status::unreachable);
+    CHECK(fkm(Level::ideal, robot, q, x).status == Status::unreachable);
   }
   for_each([](const Mechanism& mechanism) {  // and a Delta's three spheres, exactly
     if (mechanism.robot.mobility != Mobility::translation) return;
     Robot narrow = mechanism.robot;
     Coordinates x = narrow.home;
     Joint q{};
-    CHECK(ikm(narrow, x, q));
+    CHECK(ikm(Level::ideal, narrow, x, q));
     for (int i = 0; i < 3; ++i) narrow.chain[i].rod *= 0.2;
-    CHECK(fkm(narrow, q, x).status == Status::unreachable);
+    CHECK(fkm(Level::ideal, narrow, q, x).status == Status::unreachable);
   });
 }
 
@@ -241,12 +241,12 @@ TEST("a telemeter along its own plane reads nothing, and no function calls that 
   robot.r = 2;
   robot.sensor[1] = telemeter({-0.6, 0, -0.4}, {1, 0, 0}, {0, 0, 0}, {0, 0, 1});
   Reading values{};
-  CHECK(rkm(robot, robot.home, values).status == Status::not_finite);
+  CHECK(rkm(Level::ideal, robot, robot.home, values).status == Status::not_finite);
   ExtendedColumns M;
   ExtendedRows M_plus;
   CHECK(tej(robot, robot.home, M, M_plus).status == Status::not_finite);
   Extended q_e{};
-  CHECK(extended(robot, to_pose(Mobility::schoenflies, robot.home), q_e).status ==
+  CHECK(extended(Level::ideal, robot, to_pose(Mobility::schoenflies, robot.home), q_e).status ==
         Status::not_finite);
 }
 

@@ -55,7 +55,7 @@ double work_at(const Robot& robot, const Load& load, bool full, const Joint& q, 
   if (full) {
     FullPose pose = to_full(near);
     FullClosure at;
-    CHECK(fkm_full(robot, q, pose, at));
+    CHECK(fkm(robot, q, pose, at));
     return work(robot, load, at.pose, at.pose.psi, true,
                 [&](int i) { return 0.5 * (at.at.A[2 * i] + at.at.A[2 * i + 1]) - at.pose.D; });
   }
@@ -87,7 +87,7 @@ TEST("a rod's tension is the work that what hangs on the nacelle does when it be
       Pull by;
       CHECK(pull(level, robot, pose, load, by));
       Joint q{};
-      CHECK(full ? ikm_full(robot, x, q) : ikm(robot, x, q));
+      CHECK(ikm(level, robot, x, q));
       for (int i = 0; i < dof(K); ++i) {
         const auto slope = [&](auto&& change) {
           double at[2];
@@ -157,7 +157,7 @@ TEST("what carries nothing, or is stiff, stays as long as it is") {
     Extended q_e;
     PoseRows H_x;
     Parasitic rest;
-    CHECK(linearise(level, robot, pose, q_e, H_x, H_xi.data(), rest));
+    CHECK(linearise(level, robot, pose, q_e, H_x, H_xi.data(), &rest));
     Joint soft;
     soft.fill(1e-5);
     for (const bool stiff : {false, true}) {

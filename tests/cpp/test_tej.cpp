@@ -18,7 +18,7 @@ Explicit by_definition(const Robot& robot, const Coordinates& x) {
   const Mobility K = robot.mobility;
   const int n = dof(K);
   JointMatrix J{};
-  CHECK(jacobian(robot, x, J));
+  CHECK(jacobian(Level::ideal, robot, x, J));
   Reading values;
   SensorRows jr;
   Closure closure;

@@ -38,7 +38,7 @@ class Growing {
         xi_[static_cast<std::size_t>(chain_column(i) + k)] *= 1 + share * kGrowth;
     CHECK(set_parameters(cold_, xi_.data(), grown_));
     Extended q_e{}, believed{};
-    CHECK(extended(grown_, to_pose(cold_.mobility, x), q_e));
+    CHECK(extended(Level::ideal, grown_, to_pose(cold_.mobility, x), q_e));
     const Joint desired = motors_of(cold_, q_e);
     return monitor_faults(cold_, settings, {&known_, work_.data()}, desired, q_e, seen, believed)
                .status == Status::ok;

@@ -165,7 +165,8 @@ inline Subject decode_robot(Bytes& bytes) {
     }
     require(finish(broken).status == Status::no_such_part, "finish: a count or index is looked at");
     Joint q{};
-    require(ikm(broken, robot.home, q).status == Status::unfinished, "what was refused answers");
+    require(ikm(Level::ideal, broken, robot.home, q).status == Status::unfinished,
+            "what was refused answers");
   }
   static_cast<void>(finish(robot));
   static_cast<void>(finish_full(robot));
@@ -188,7 +189,8 @@ inline Coordinates decode_pose(Bytes& bytes, const Subject& subject) {
 /// Motor positions: those of a pose, or any.
 inline Joint decode_motors(Bytes& bytes, const Subject& subject) {
   Joint q{};
-  const bool of_pose = !bytes.one_in(3) && ikm(subject.robot, decode_pose(bytes, subject), q);
+  const bool of_pose =
+      !bytes.one_in(3) && ikm(Level::ideal, subject.robot, decode_pose(bytes, subject), q);
   if (of_pose && !bytes.one_in(4)) return q;
   for (int i = 0; i < dof(subject.robot.mobility); ++i)
     q[i] = of_pose ? q[i] + 0.1 * bytes.share() : bytes.number();

@@ -39,7 +39,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (bytes.one_in(2))
       for (int i = 0; i < n; ++i) setpoint.acceleration[i] = bytes.number();
     Extended q_e{};
-    if (!extended(robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
+    if (!extended(Level::ideal, robot, to_pose(K, decode_pose(bytes, subject)), q_e) ||
+        bytes.one_in(4))
       for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
     if (bytes.one_in(3)) settings.law = static_cast<Law>(bytes.below(5));
     const ControlState before = state;

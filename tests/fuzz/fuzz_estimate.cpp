@@ -1,8 +1,8 @@
 // Does any robot, knowledge or reading make an estimate or the learner crash, hang, call a NaN an
 // answer, or spoil what it had learnt?
 #include "decode.hpp"
+#include "estimation/linearise.hpp"
 #include "estimation/online_calibrator.hpp"
-#include "mechanism/full_linearise.hpp"
 
 namespace {
 
@@ -13,7 +13,8 @@ Extended decode_readings(Bytes& bytes, const Subject& subject) {
   const Mobility K = subject.robot.mobility;
   const int rows = dof(K) + subject.robot.r;
   Extended q_e{};
-  if (!extended(subject.robot, to_pose(K, decode_pose(bytes, subject)), q_e) || bytes.one_in(6))
+  if (!extended(Level::ideal, subject.robot, to_pose(K, decode_pose(bytes, subject)), q_e) ||
+      bytes.one_in(6))
     for (int c = 0; c < rows; ++c) q_e[c] = bytes.number();
   if (bytes.one_in(4)) q_e[bytes.below(rows)] = bytes.number();
   return q_e;

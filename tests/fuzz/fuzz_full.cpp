@@ -1,6 +1,6 @@
 // Fuzz target of the full level.
 #include "decode.hpp"
-#include "mechanism/full.hpp"
+#include "mechanism/levels.hpp"
 
 using namespace fuzz;
 
@@ -14,14 +14,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Coordinates found = decode_pose(bytes, subject);
   Joint motors{};
   Coordinates rest{};
-  const bool reached = static_cast<bool>(ikm_full(robot, x, motors));
+  const bool reached = static_cast<bool>(ikm(Level::full, robot, x, motors));
   if (reached) require(all_finite(motors, n), "full ikm: ok is finite");
   if (parasitic(robot, x, rest)) require(all_finite(rest, kMaxDof), "parasitic: ok is finite");
   JointMatrix J;
-  if (jacobian_full(robot, x, J)) require(finite(J, n, n), "full jacobian: ok is finite");
+  if (jacobian(Level::full, robot, x, J)) require(finite(J, n, n), "full jacobian: ok is finite");
   Reading values;
-  if (rkm_full(robot, x, values)) require(all_finite(values, robot.r), "full rkm: ok is finite");
-  const FkmResult result = fkm_full(robot, q, found);
+  if (rkm(Level::full, robot, x, values))
+    require(all_finite(values, robot.r), "full rkm: ok is finite");
+  const FkmResult result = fkm(Level::full, robot, q, found);
   require(result.iterations <= 2 * kFkmIterations, "full fkm: iterations are bounded");
   if (!result) return 0;
   require(all_finite(found, n), "full fkm: ok is finite");

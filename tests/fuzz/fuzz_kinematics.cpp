@@ -39,10 +39,10 @@ void check_pose(const Robot& robot, const Coordinates& x, double band) {
   const Mobility K = robot.mobility;
   const int n = dof(K);
   Joint q{};
-  if (ikm(robot, x, q)) require(all_finite(q, n), "ikm: ok is finite");
-  if (command(robot, x, q)) require(all_finite(q, n), "command: ok is finite");
+  if (ikm(Level::ideal, robot, x, q)) require(all_finite(q, n), "ikm: ok is finite");
+  if (command(Level::ideal, robot, x, q)) require(all_finite(q, n), "command: ok is finite");
   JointMatrix J;
-  if (jacobian(robot, x, J)) require(finite(J, n, n), "jacobian: ok is finite");
+  if (jacobian(Level::ideal, robot, x, J)) require(finite(J, n, n), "jacobian: ok is finite");
   ExtendedColumns M;
   ExtendedRows M_plus;
   if (tej(robot, x, M, M_plus, band)) {
@@ -66,7 +66,7 @@ void check_pose(const Robot& robot, const Coordinates& x, double band) {
   std::vector<double> H_xi((n + robot.r) * parameter_count(robot));
   Extended q_e;
   PoseRows H_x;
-  if (!linearise(robot, to_pose(K, x), q_e, H_x, H_xi.data())) return;
+  if (!linearise(Level::ideal, robot, to_pose(K, x), q_e, H_x, H_xi.data())) return;
   require(all_finite(q_e, n + robot.r) && finite(H_x, n + robot.r, n), "linearise: H_x is finite");
   require(all_finite(H_xi, static_cast<int>(H_xi.size())), "linearise: H_ξ is finite");
 }
@@ -85,7 +85,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (int k = 0; k < robot.r; ++k) q_e[dof(robot.mobility) + k] = bytes.number();
   std::copy_n(q.begin(), dof(robot.mobility), q_e.begin());
   check_pose(robot, x, band);
-  const FkmResult result = fkm(robot, q, found);
+  const FkmResult result = fkm(Level::ideal, robot, q, found);
   require(result.iterations <= 2 * kFkmIterations, "fkm: iterations are bounded");
   if (result) {
     require(all_finite(found, dof(robot.mobility)), "fkm: ok is finite");

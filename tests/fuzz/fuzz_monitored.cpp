@@ -94,7 +94,7 @@ void drive_with_faults(Bytes& bytes, const Subject& subject) {
     if (bytes.one_in(64)) at.x[bytes.below(n)] = bytes.number();
     if (bytes.one_in(64)) at.acceleration[bytes.below(n)] = bytes.number();
     Extended q_e{};
-    if (!extended(robot, to_pose(K, at.x), q_e)) q_e = kept;
+    if (!extended(Level::ideal, robot, to_pose(K, at.x), q_e)) q_e = kept;
     for (int c = 0; c < rows; ++c)
       if (faulty > 0 && wrong & bit(c)) q_e[c] = kept[c];
     faulty = std::max(0, faulty - 1);

@@ -210,13 +210,16 @@ def after_visiting(
         beside=between.sigma if between else None,
         at_work=True,
     )
-    known_poses = np.zeros((0, robot.n)) if touched is None else touched
-    root, status, _ = _core.after_visiting(
+    known_poses = visited[:0] if touched is None else touched
+    B, _, status, _ = _core.rows_of_visits(
         model.core,
         known.core,
-        visited,
-        known_poses,
-        list(reference_sigma) or [0.0] * robot.n,
+        np.concatenate([visited, known_poses]),
+        np.concatenate([np.full_like(visited, np.nan), known_poses]),
+        np.array([reference_sigma or [1.0] * robot.n]),
+        np.eye(4),
+        np.eye(4),
+        -1,
         between.core if between else _core.Links([], 0),
         full,
         known.nuisances,
@@ -226,7 +229,12 @@ def after_visiting(
         prior = knowledge.knowledge(robot, level=level, error=model_error, at_work=True)
         _bound(model, prior, visited, lead, level, "raise", "calibrated_on")
         raise PoseError(f"{robot.name}: model_error: {_core.describe(status)} at the full level")
-    return known.own(root)
+    # With u the parameters in units of the prior's root S, Σ_u⁻¹ = I + SᵀBᵀBS = U Uᵀ, U upper
+    # triangular (Cholesky from the last parameter to the first); S U⁻ᵀ is lower triangular.
+    S = known.core.root
+    information = np.eye(len(S)) + S.T @ (B.T @ B) @ S
+    U = np.linalg.cholesky(information[::-1, ::-1])[::-1, ::-1]
+    return known.own(S @ np.linalg.inv(U.T))
 
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:

@@ -118,7 +118,7 @@ class OnlineCalibrator:
         self.__dict__.update(state)
         xi, root, memory = state["_filter"]
         self._start(xi, root)
-        self._filter.resume(memory)
+        self._filter.resume(*memory)
 
     def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
         """Update the parameters from rows of readings, in order.
@@ -182,11 +182,11 @@ class OnlineCalibrator:
         >>> online.stopped, online.lines
         ('after 56 lines: readings keep disagreeing; theta alone would explain it', 50)
         """
-        if not self._filter.stopped:
+        if not (test := self._filter.doubt).stopped:
             return None
-        said = f"after {self._filter.stopped_after} lines: readings keep disagreeing"
-        if (suspect := self._filter.suspect) >= 0:
-            said += f"; {self._robot.readings[suspect]} alone would explain it"
+        said = f"after {test.lines} lines: readings keep disagreeing"
+        if test.suspect >= 0:
+            said += f"; {self._robot.readings[test.suspect]} alone would explain it"
         return said
 
     def causes(self, q_e: ArrayLike) -> Causes:

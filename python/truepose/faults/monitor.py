@@ -16,7 +16,7 @@ from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
-from truepose.robot.batches import as_rows
+from truepose.robot.batches import as_rows, members
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import samples_or_home
 from truepose.show.charts import lines
@@ -147,15 +147,12 @@ class FaultMonitor:
             warm_up = self.effects.warm_up if self.effects else 0.0
         rates = effects.base_expansion, effects.arm_expansion, effects.rod_expansion
         monitor.growth = [warm_up * rate for rate in rates]  # of base, arms, rods: shares
-        settings = _core.FaultTolerantSettings()
         start = controller.settings(robot, robot.home)
         momentum = _core.default_momentum(robot.core, start)[0]  # off without torque limits
         momentum.carry = self.carry
-        settings.momentum = momentum
-        settings.monitor = monitor
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
-        return _core.FaultTolerantSetup(finest.core, known, settings, slow)
+        return _core.FaultTolerantSetup(finest.core, known, monitor, momentum, slow)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
@@ -190,7 +187,7 @@ class FaultMonitor:
         positive("period", period)
         setup = self.setup(robot, Controller(law="joint", period=period))
         log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
-        believed, health, symptom, *rest = _core.review(setup, *log)
+        believed, health, symptom, *rest = members(robot, _core.review(setup, *log))
         never = np.isnan(rows).all(axis=0)  # nothing to extrapolate from
         health[:, never], symptom[:, never] = HEALTH.index("failed"), SYMPTOMS.index("missing")
         return Review(robot, believed, health, symptom, *rest)

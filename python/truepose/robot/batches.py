@@ -133,3 +133,10 @@ def together(robot: Description, errors: Errors, **values: ArrayLike) -> list[Ar
 
 def _list(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
+
+
+def members(robot: Description, records: Any) -> list[Any]:
+    """Return every member of the core's records; of vectors the entries that a robot has."""
+    width = {_core.max_readings: robot.n + robot.r}
+    arrays = [records[name] for name in records.dtype.names or ()]
+    return [np.array(a if a.ndim == 1 else a[:, : width.get(a.shape[1], robot.n)]) for a in arrays]

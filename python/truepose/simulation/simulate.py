@@ -21,7 +21,7 @@ from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
 from truepose.moved import grouped
-from truepose.robot.batches import as_row
+from truepose.robot.batches import as_row, members
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -312,7 +312,8 @@ def simulate(
     x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
     own = for_core(controller.law, robot) if callable(controller.law) else None
     loop = _core.Loop(*prepared.first)
-    status, chain, *log = loop.follow(x, rate, acceleration, *prepared.last, own)  # type: ignore[call-arg]
+    samples, status, chain = loop.follow(x, rate, acceleration, *prepared.last, own)  # type: ignore[call-arg]
+    log = members(robot, samples)
     ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * period)
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")

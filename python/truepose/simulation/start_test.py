@@ -187,7 +187,7 @@ def start_test(
         truth, plant = effects.geometry(truth, 0.0, seed), effects.plant(truth, seed)
         settings.friction = plant.friction
     finest = robot.at_highest_level
-    run = _core.simulate_start(
+    report, moved, torque, seconds, status, part = _core.simulate_start(
         finest.core,
         truth.core,
         controller.settings(robot, pose),
@@ -200,16 +200,17 @@ def start_test(
         pose,
         check_seed(seed),
     )
-    if run["status"] > 0:
-        reason = _core.describe(run["status"])
-        if run["part"] >= 0 and reason == "no such value":
-            said = f"{robot.name}: motor {run['part'] + 1}: the test needs a torque limit"
+    if status > 0:
+        reason = _core.describe(status)
+        if part >= 0 and reason == "no such value":
+            said = f"{robot.name}: motor {part + 1}: the test needs a torque limit"
             raise InputError(f"{said}: add torque_limit to its chain")
         raise PoseError(f"{robot.name}: start-up test: {reason}")
-    names, finding, sigma = robot.readings, run["finding"], np.array(run["sigma"])
-    named = tuple(names[k] for k in run["parts"] if k >= 0)
+    names, finding = robot.readings, _core.start_findings[report.finding]
+    named = tuple(names[k] for k in (report.part, report.other) if k >= 0)
     if "{motor}" in _SAID.get(finding, ""):
-        named = (f"motor {run['parts'][0] + 1}",)
+        named = (f"motor {report.part + 1}",)
+    scale, sigma = report.scale[: len(names)], report.sigma[: len(names)]
 
     def of(bits: int) -> tuple[str, ...]:
         return tuple(name for k, name in enumerate(names) if bits >> k & 1)
@@ -218,11 +219,11 @@ def start_test(
         robot=robot,
         finding=finding,
         parts=named,
-        candidates=of(run["candidates"]) if finding == "inconsistent" else (),
-        exchangeable=of(run["exchangeable"]),
-        scale=np.array(run["scale"]),
+        candidates=of(report.candidates) if finding == "inconsistent" else (),
+        exchangeable=of(report.exchangeable),
+        scale=scale,
         sigma=np.where(sigma > 0, sigma, np.inf),
-        moved=run["moved"],
-        torque=np.array(run["torque"]),
-        seconds=run["seconds"],
+        moved=moved,
+        torque=torque[: robot.n],
+        seconds=seconds,
     )

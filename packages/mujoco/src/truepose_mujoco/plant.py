@@ -155,9 +155,9 @@ class _Drive:
         if self.limits:
             self.state = _core.SafeControl(_core.Safety(self.limits.core, self.limits.counter))
             cycle = 0
-            while not self.state.follows:  # the brakes hold the robot
+            while not self.state.report.follows:  # the brakes hold the robot
                 if cycle > _START + self.limits.core.brake / self.period:
-                    raise not_started(self.robot, self.state.cause)
+                    raise not_started(self.robot, self.state.report.cause)
                 began = cycle >= _WAITS, cycle > _WAITS
                 self._step(self.at, 0.0, self._read()[0], begins=began)
                 cycle += 1
@@ -237,7 +237,8 @@ class _Drive:
             return status
         if self.limits:
             self._brake(time)
-        torque = np.array(self.state.torque)[: self.robot.n]
+        given = self.state.report if self.limits else self.state
+        torque = given.torque[: self.robot.n]
         applied, self.pending = (self.pending if effects.delay else torque), torque
         ripple = np.sin(_RIPPLES * body.positions()[0] + self.plant.ripple_phase)
         body.data.ctrl[:] = applied * (1 + effects.torque_ripple * ripple)
@@ -246,11 +247,12 @@ class _Drive:
 
     def _brake(self, time: float) -> None:
         """Close the brakes that the safety shell requests, and note why it has stopped."""
-        closing = (self.state.brakes >> np.arange(self.robot.n) & 1) > 0
+        shell = self.state.report
+        closing = (shell.brakes >> np.arange(self.robot.n) & 1) > 0
         self.closing = self.closing + self.period * closing
         self.body.brake(self.closing > _CLOSES)
         if not self.stopped:
-            report = time, self.state.brakes, self.state.cause, self.state.part
+            report = time, shell.brakes, shell.cause, shell.part
             self.stopped = stop_text(*map(np.atleast_1d, report))
 
     def _faulty(self, time: float) -> Array:

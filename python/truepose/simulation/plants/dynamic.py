@@ -16,7 +16,7 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
-from truepose.robot.batches import as_rows
+from truepose.robot.batches import as_rows, members
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -137,13 +137,13 @@ def visit(
     controller = controller_of(controller, robot, effects)
     run.check(controller)
     prepared = prepare(robot, truth, controller, robot.home, run, effects, faults, monitor)
-    x, q_e, swing, held, status, cycles, reason = _core.Loop(*prepared.first).visit(
-        rows, run.duration, run.hold, *prepared.last
-    )
+    visits = _core.Loop(*prepared.first).visit(rows, run.duration, run.hold, *prepared.last)
+    x, q_e, low, high, held, status, cycles, reason = members(robot, visits)
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
-    restless = (words == "ok") & ~(swing <= RESTLESS)
+    restless = (words == "ok") & ~((high - low).max(axis=1) <= RESTLESS)
     words[restless] = NO_REST
-    x[restless], q_e[restless] = np.nan, np.nan
+    lost = restless | (status > 0)
+    x[lost], q_e[lost] = np.nan, np.nan
     for k in np.flatnonzero((status <= 0) & (cycles > 0)):
         words[k] = unanswered(int(cycles[k]), int(reason[k]))
     for k in np.flatnonzero((words == "ok") & (held >= 0)):
