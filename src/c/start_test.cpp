@@ -34,6 +34,7 @@ truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size
     Status status = c::take(*limits, all);
     if (settings && settings->size != sizeof *settings) status = Status::other_version;
     if (status != Status::ok) return {status, -1};
+    if (overdriven(robot)) return {Status::not_square, -1};  // locked by the others' brakes
     const Outcome outcome = consistent(all, robot.motors, dof(robot.mobility));
     if (!outcome) return outcome;
     c::Start* made = c::Start::make(test, size);

@@ -4,13 +4,14 @@
 #include "mechanism/parameters.hpp"
 
 namespace truepose {
-/// H_x of a closed pose: J⁻¹ = J_q⁻¹ J_x, and below it J_r.
+/// H_x of a closed pose: K = J_q⁻¹ J_x, and below it J_r.
 void pose_rows(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, PoseRows& H_x);
 
 /// q_e, H_x and H_ξ of the ideal level at a pose held by the motors.
 /// @param q_e   out: readings of the motors, then of the sensors in use
-/// @param H_x   out: along the free twist, n + r rows; the first n are J⁻¹, the others J_r
-/// @param H_xi  out unless null: along ξ at fixed pose, (n + r)×parameter_count(robot) numbers
+/// @param H_x   out: along the free twist, m + r rows; the first m are K = J_q⁻¹ J_x, the others
+/// J_r
+/// @param H_xi  out unless null: along ξ at fixed pose, (m + r)×parameter_count(robot) numbers
 /// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where a
 /// sensor has no reading or one of the derivatives is not finite
 Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x, Real* H_xi);

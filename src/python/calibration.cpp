@@ -15,7 +15,7 @@ namespace {
 Influences influences_at(const Robot& robot, const std::optional<Rows>& influence, std::size_t i) {
   if (!influence) return {};
   const std::size_t width = influence->shape(1);
-  return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
+  return {static_cast<int>(width) / truepose::readings(robot), influence->data() + i * width};
 }
 
 RowMatrix homogeneous(const Frame& frame) {

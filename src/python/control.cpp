@@ -142,7 +142,7 @@ nb::dict simulate_start(const Robot& robot, const Robot& truth, const ControlSet
                                {faults, incremental, referenced, start, seed}, run);
   }
   const StartTest& test = run.test;
-  const int n = dof(robot.mobility), e = n + robot.r;
+  const int n = robot.motors, e = n + robot.r;
   nb::dict result;
   result["status"] = static_cast<int>(outcome.status);
   result["part"] = outcome.chain;
@@ -202,8 +202,9 @@ void bind_safety(nb::module_& m) {
     const Outcome outcome = default_limits(robot, settings, derived);
     return answered(outcome, derived);
   });
-  m.def("consistent",
-        [](const SafetyLimits& given, int n) { return answered(consistent(given, n, n)); });
+  m.def("consistent", [](const SafetyLimits& given, int motors, int freedoms) {
+    return answered(consistent(given, motors, freedoms));
+  });
   m.def("path_needs", &path_needs);
   m.def("stopping_distance",
         [](const Robot& robot, const SafetyLimits& given, bool marked, double speed) {

@@ -108,7 +108,7 @@ nb::object column(const std::vector<Sample>& log, const c::Field& member, std::s
 }
 
 /// A run's outcome, and all members of every sample.
-nb::tuple columns(Outcome outcome, const std::vector<Sample>& log, std::size_t n, std::size_t e) {
+nb::tuple columns(Outcome outcome, const std::vector<Sample>& log, const Robot& robot) {
   nb::list all;
   all.append(static_cast<int>(outcome.status));
   all.append(outcome.chain);
@@ -119,7 +119,10 @@ nb::tuple columns(Outcome outcome, const std::vector<Sample>& log, std::size_t n
     const auto column_of = member.numbers == c::Numbers::real    ? &column<double>
                            : member.numbers == c::Numbers::whole ? &column<int>
                                                                  : &column<bool>;
-    all.append(column_of(log, member, member.rows == kMaxReadings ? e : n));
+    all.append(column_of(log, member,
+                         member.rows == kMaxReadings ? readings(robot)
+                         : member.rows == kMaxMotors ? robot.motors
+                                                     : dof(robot.mobility)));
   }
   return nb::tuple(all);
 }
@@ -173,8 +176,7 @@ auto run_path(const Setup& of, const Rows& x, const Rows& rate, const Rows& acce
       signals();
     });
   }
-  const std::size_t n = dof(of.nominal.mobility), e = n + of.nominal.r;
-  return columns(outcome, log, n, e);
+  return columns(outcome, log, of.nominal);
 }
 
 /// Summary of a visit to one pose.
@@ -195,6 +197,8 @@ struct Visited {
     for (int k = 0; k < dof(nominal.mobility); ++k) {
       low[k] = moving ? sample.x[k] : std::min(low[k], sample.x[k]);
       high[k] = moving ? sample.x[k] : std::max(high[k], sample.x[k]);
+    }
+    for (int k = 0; k < nominal.motors; ++k) {
       const double limit = nominal.chain[k].torque_limit;
       if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
     }
@@ -208,7 +212,7 @@ struct Visited {
 /// placed at the next pose.
 auto run_visit(const Setup& of, const Rows& x_d, double duration, double hold, int steps,
                const Coordinates& start, std::uint64_t seed) {
-  const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + of.nominal.r;
+  const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = truepose::readings(of.nominal);
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
   Owned<int> saturated({count}), unanswered({count}), reason({count});
   Outcomes outcomes(count);

@@ -325,7 +325,7 @@ class RobotFile(Section):
     source: str = key("where the numbers come from", "")
     mobility: Literal[
         "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
-    ] = key("which freedoms the platform has; as many chains")
+    ] = key("which freedoms the platform has; as many chains or more")
     home: Pose = key("a pose well inside the workspace, one value a freedom")
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
@@ -366,6 +366,11 @@ class RobotFile(Section):
     def n(self) -> int:
         """Degrees of freedom."""
         return len(self.coordinates)
+
+    @property
+    def m(self) -> int:
+        """Motors: one for each chain."""
+        return len(self.chain)
 
     @property
     def stretches(self) -> bool:
