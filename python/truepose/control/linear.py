@@ -21,6 +21,7 @@ from truepose.control import delays
 from truepose.control.effects import Effects
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
+from truepose.robot.batches import inverse
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -121,7 +122,7 @@ def _plant(
     held, K = _turning(robot, x, M)
     slope = (H_x[:motors] * K).sum(axis=1) / (K * K).sum(axis=1)
     leak = robot.cross_sensitivity(x, law, sigma_scale=settings.sigma_scale)
-    E = delays.carried(robot, -H_x[:motors] @ leak, H_x, period)
+    E = delays.carried(robot, -inverse(robot.jacobian(x)) @ leak, H_x, period)
     inertia = slope[:, None] * gain_inertia(robot, settings, x, robot.home)
 
     # Platform, and rotors on compliant arms: see simulation/effects.hpp.

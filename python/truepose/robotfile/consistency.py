@@ -60,7 +60,7 @@ def _sizes(spec: RobotFile) -> Iterator[Problem]:
         has = (
             f"a platform on {n} passive axes" if rotational else f"{spec.mobility} has {n} freedoms"
         )
-        yield Problem(("mobility",), f"{has}: give {n} chains or more, not {count}; {more}")
+        yield Problem(("mobility",), f"{has}: give {n} chains, not {count}; {more}")
     if len(spec.bar) > _core.max_bars:
         text = f"{len(spec.bar)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)
