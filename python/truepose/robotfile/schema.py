@@ -254,7 +254,7 @@ class Workspace(Section):
 class Pattern(Section):
     """Repetition of the file's chains, the motif, about an axis of the base frame."""
 
-    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key("copies of the motif in a turn")
+    repeat: Annotated[int, Field(strict=True, ge=2, le=8)] = key("copies of the motif in a turn")
     about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
