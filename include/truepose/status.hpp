@@ -17,7 +17,7 @@ enum class [[nodiscard]] Status : int {
   joint_limit = 7,     ///< a motor would have to pass one of its stops
   not_converged = 8,   ///< the search ended with open loops; a solution may exist
   no_such_part = 9,    ///< a count, index or enum of the robot's data is invalid
-  not_square = 10,     ///< more or fewer chains or motors than freedoms: not supported
+  not_square = 10,     ///< fewer motors than freedoms or chains, or more than a function takes
   unfinished = 11,     ///< the robot has not passed finish() (jacobian.hpp)
   other_version = 13,  ///< a table from another version of the library, or of another size
   too_small = 14,      ///< the given memory is too small or not aligned
@@ -40,7 +40,7 @@ constexpr const char* describe(Status status) {
     case Status::joint_limit: return "beyond a joint limit";
     case Status::not_converged: return "not converged";
     case Status::no_such_part: return "no such part";
-    case Status::not_square: return "not as many chains and motors as freedoms";
+    case Status::not_square: return "fewer motors than freedoms, or more than a function takes";
     case Status::unfinished: return "not finished";
     case Status::other_version: return "made for another version";
     case Status::too_small: return "too little memory, or not aligned";

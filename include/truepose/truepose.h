@@ -12,8 +12,9 @@
  * valid; where one may be null, its description says so.
  *
  * Units are m, rad, kg, s, N and N·m. Frames are the base's unless stated otherwise. Matrices are
- * stored by rows. Arrays have the lengths below for every robot: with n motors and r sensors the
- * first n, r or n + r entries are used, and output beyond them is 0.
+ * stored by rows. Arrays have the lengths below for every robot: with n freedoms, m motors and r
+ * sensors the first n, m, r or m + r entries are used, and output beyond them is 0. With m > n
+ * poses are the least squares of the readings, and torques the smallest that give a force.
  *
  * Every function that can fail returns a truepose_outcome, alone or in its result. Up to
  * TRUEPOSE_OK there is an answer; above there is none, and the outputs are unchanged. */
@@ -68,7 +69,7 @@ typedef enum truepose_status {
   TRUEPOSE_JOINT_LIMIT = 7,    /**< a motor, or a passive axis, would have to pass a stop */
   TRUEPOSE_NOT_CONVERGED = 8,  /**< the search ended: whether there is an answer is unknown */
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum is out of range */
-  TRUEPOSE_NOT_SQUARE = 10,    /**< more or fewer chains or motors than freedoms */
+  TRUEPOSE_NOT_SQUARE = 10,    /**< fewer motors than freedoms or chains; a start-up test: more */
   TRUEPOSE_UNFINISHED = 11,    /**< model not loaded, controller or monitor not initialised */
   TRUEPOSE_OTHER_VERSION = 13, /**< the table's TRUEPOSE_ABI or size is another */
   TRUEPOSE_TOO_SMALL = 14,     /**< the memory given, or it is not aligned */
@@ -190,7 +191,7 @@ typedef struct truepose_description {
   uint32_t abi;           /**< TRUEPOSE_ABI */
   uint32_t size;          /**< sizeof(truepose_description) */
   int32_t mobility;       /**< a truepose_mobility: it has n freedoms */
-  int32_t chains, motors; /**< n both */
+  int32_t chains, motors; /**< m both, n or more */
   int32_t sensors, bodies;
   int32_t bar_joint; /**< platform with bars: 0 a hinge for each (H4), 1 a four-bar */
   int32_t level;     /**< 0 ideal: one rod per chain; 1 full: every rod by itself */
@@ -226,8 +227,9 @@ TRUEPOSE_API truepose_outcome truepose_load(truepose_model* model, size_t size,
 TRUEPOSE_API truepose_outcome truepose_description_of(const truepose_model* model,
                                                       truepose_description* description);
 
-/** Freedoms n and sensors r; 0 if the model is not loaded. */
+/** Freedoms n, motors m and sensors r; 0 if the model is not loaded. */
 TRUEPOSE_API int32_t truepose_freedoms(const truepose_model* model);
+TRUEPOSE_API int32_t truepose_motors(const truepose_model* model);
 TRUEPOSE_API int32_t truepose_sensors(const truepose_model* model);
 
 /* ------------------------------------------------------------------------------------------------
@@ -306,7 +308,7 @@ TRUEPOSE_API truepose_outcome truepose_readings(const truepose_model* model,
                                                 const truepose_real x[TRUEPOSE_FREEDOMS],
                                                 truepose_real q_e[TRUEPOSE_READINGS]);
 
-/** J, n by n, dx = J dq: twists of the platform, base frame. @return UNREACHABLE, SINGULAR */
+/** J, n by m, dx = J dq: twists of the platform, base frame. @return UNREACHABLE, SINGULAR */
 TRUEPOSE_API truepose_outcome
 truepose_jacobian(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOMS],
                   truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS]);
@@ -318,8 +320,9 @@ TRUEPOSE_API truepose_outcome truepose_gyro(const truepose_model* model,
                                             const truepose_real x[TRUEPOSE_FREEDOMS],
                                             truepose_real W[3 * TRUEPOSE_FREEDOMS]);
 
-/** Motor torques as joint torques of a rotational platform, J^-T torque: torque times rate is the
- * same on both sides. For other mobilities: force and moment on the platform, along its free twist.
+/** Motor torques as joint torques of a rotational platform, the inverse of J^T: torque times rate
+ * is the same on both sides. For other mobilities: force and moment on the platform, along its free
+ * twist.
  * @return UNREACHABLE, SINGULAR, NOT_FINITE */
 TRUEPOSE_API truepose_outcome truepose_joint_torque(const truepose_model* model,
                                                     const truepose_real x[TRUEPOSE_FREEDOMS],
@@ -333,7 +336,7 @@ TRUEPOSE_API truepose_outcome truepose_motor_torque(const truepose_model* model,
 
 /** Distance of a pose from singular ones, free of size and units, at the ideal level.
  * @param parallel  out, 0 to 1: 0 where the motors do not hold the platform
- * @param serial    out, n of 0 to 1: 0 where arm and rod are in line */
+ * @param serial    out, m of 0 to 1: 0 where arm and rod are in line */
 TRUEPOSE_API truepose_outcome truepose_conditioning(const truepose_model* model,
                                                     const truepose_real x[TRUEPOSE_FREEDOMS],
                                                     truepose_real* parallel,

@@ -36,6 +36,7 @@ class Model {
   /// For functions of truepose.h that have no method here.
   const truepose_model* c() const { return &model_; }
   int freedoms() const { return truepose_freedoms(&model_); }
+  int motors() const { return truepose_motors(&model_); }
   int sensors() const { return truepose_sensors(&model_); }
 
   /// q = IKM(x); refuses poses beyond a stop or a singularity.

@@ -14,7 +14,7 @@ constexpr double kTuning[] = {0, 1, 4};
 Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepose_log& log) {
   if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_STUDENT)
     return {Status::no_such_part};
-  for (int k = 0; log.measured && k < robot.motors; ++k)
+  for (int k = 0; log.measured && k < dof(robot.mobility); ++k)
     if (!(log.measured_sigma[k] > 0)) return {Status::no_such_value, k};
   for (int k = 0; k < robot.motors + robot.r; ++k)
     if (!(prior.sigma[k] > 0)) return {Status::no_such_value, k};
@@ -27,7 +27,7 @@ void fill(double* to, const auto& from) {
 
 Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const double* mean,
                   const truepose_log& log, truepose_calibration& result) {
-  const int n = drawn.motors, p = prior.count;
+  const int n = dof(drawn.mobility), p = prior.count;
   if (const Outcome outcome = sound(drawn, prior, log); !outcome) return outcome;
   std::vector<double> xi(parameter_count(drawn)), sigma;
   if (const Outcome outcome = drawn_parameters(drawn, xi.data()); !outcome) return outcome;

@@ -44,12 +44,12 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
   const Outcome sound = body(pose, at);
   if (!sound) return sound;
   if (turns_about_z(robot.mobility)) {
-    const Real near = x[robot.motors - 1];
+    const Real near = x[dof(robot.mobility) - 1];
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
   }
   Pose own = at;
   if (is_rotational(robot.mobility)) {
-    own = to_pose(robot.mobility, all_finite(x, robot.motors) ? x : robot.home);
+    own = to_pose(robot.mobility, all_finite(x, dof(robot.mobility)) ? x : robot.home);
     angles_of(robot, at, own);
   }
   const Coordinates found = to_coordinates(robot.mobility, own);
@@ -69,25 +69,26 @@ Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
   return jacobian(level_of(robot), robot, in<Coordinates>(x), J);
 }
 
-/// Converts torques from motors to joints, by J⁻ᵀ, or back, by Jᵀ.
+/// Converts torques from motors to joints, by Kᵀ, or back, by Jᵀ.
 template <class From, class To>
 truepose_outcome mapped(const truepose_model* model, const truepose_real* x,
                         const truepose_real* from, truepose_real* to) {
   constexpr bool kToJoints = std::is_same_v<To, Coordinates>;
   return computed(model, to, To{}, [&](const Robot& robot, To& result) -> Outcome {
     const auto given = in<From>(from);
-    const int n = robot.motors;
-    if (!all_finite(given, n)) return {Status::not_finite};
+    const int n = dof(robot.mobility), m = robot.motors;
+    if (!all_finite(given, kToJoints ? m : n)) return {Status::not_finite};
     JointMatrix J{};
     const Outcome outcome = rates(robot, x, J);
     if (!outcome) return outcome;
-    Square by{}, inverse{};
+    Square by{}, inverse{};  // Jᵀ, and its inverse, Kᵀ
     Unknowns size{};
     for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j) by[i][j] = J[i][j], size[j] += J[i][j] * J[i][j];
-    if (kToJoints && !invert(n, by, size, 0, inverse)) return {Status::singular};
-    for (int i = 0; i < n; ++i)
-      result[i] = sum_of(n, [&](int j) { return (kToJoints ? inverse : by)[j][i] * given[j]; });
+      for (int j = 0; j < m; ++j) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
+    if (kToJoints && !invert(m, n, by, size, 0, inverse)) return {Status::singular};
+    for (int i = 0; i < (kToJoints ? n : m); ++i)
+      result[i] = sum_of(kToJoints ? m : n,
+                         [&](int j) { return (kToJoints ? inverse : by)[i][j] * given[j]; });
     return outcome;
   });
 }
@@ -104,7 +105,7 @@ truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_re
                                   truepose_pose* pose) {
   return c::with(model)([&](const Robot& robot) -> Outcome {
     const auto at = c::in<Coordinates>(x);
-    if (!all_finite(at, robot.motors)) return {Status::not_finite};
+    if (!all_finite(at, dof(robot.mobility))) return {Status::not_finite};
     c::to_c(robot, at, pose);
     return {};
   });

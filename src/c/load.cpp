@@ -98,6 +98,11 @@ truepose_outcome truepose_description_of(const truepose_model* model,
 
 int32_t truepose_freedoms(const truepose_model* model) {
   const Robot* robot = c::held(model);
+  return robot ? dof(robot->mobility) : 0;
+}
+
+int32_t truepose_motors(const truepose_model* model) {
+  const Robot* robot = c::held(model);
   return robot ? robot->motors : 0;
 }
 

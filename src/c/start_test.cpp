@@ -33,6 +33,7 @@ truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size
     SafetyLimits all;
     Outcome sound = c::take(*limits, all);
     if (settings && settings->size != sizeof *settings) sound = {Status::other_version};
+    if (sound && overdriven(robot)) sound = {Status::not_square};  // locked by the others' brakes
     if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
     return c::begun(sound, test, size, [&](c::Start& made) {
       made.limits = all;

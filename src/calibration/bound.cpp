@@ -13,9 +13,9 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
   axes.count = nuisances;
   axes.column += p - nuisances;
   RowMatrix D;
-  std::vector<double> H_xi(2 * (n + robot.r) * parameter_count(robot));
+  std::vector<double> H_xi(2 * readings(robot) * parameter_count(robot));
   int rows = static_cast<int>(links.link.size());
-  for (const Visit& visit : visits) rows += robot.r + (visit.outside.x ? n : 0);
+  for (const Visit& visit : visits) rows += redundancy(robot) + (visit.outside.x ? n : 0);
   all.B = RowMatrix(rows, p);
   all.visit.clear();
   std::vector<Pose> poses;
@@ -57,7 +57,7 @@ Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pos
   Parasitic rest;
   Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, &rest);
   if (!outcome) return outcome;
-  const int rows = dof(robot.mobility) + robot.r, m = acting.count, p = known.count;
+  const int rows = readings(robot), m = acting.count, p = known.count;
   gather(robot, known, H_xi, rows, B, m);
   for (int c = 0; c < rows; ++c)
     for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
@@ -69,7 +69,7 @@ Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pos
 
 Outcome pose_error(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
                    const Influences& acting, std::vector<double>& work, PoseError& error) {
-  const int n = dof(robot.mobility), rows = n + robot.r, p = known.count;
+  const int n = dof(robot.mobility), rows = readings(robot), p = known.count;
   work.resize(estimate_work(robot, p));
   double *H_xi = work.data(), *B = H_xi + rows * parameter_count(robot);
   Fused fusion;

@@ -21,7 +21,7 @@ class Calibrator {
         robot_(drawn),
         p_(prior.count),
         n_(dof(drawn.mobility)),
-        readings_(n_ + drawn.r),
+        readings_(readings(drawn)),
         S_(p_, p_, prior.root),
         H_xi_(drawn.finished ? 2 * readings_ * parameter_count(drawn) : 0),
         rest_(log.count),
@@ -148,7 +148,7 @@ class Calibrator {
       Status& status = result_.status[k];
       if (status != Status::ok) {
         Joint q{};
-        std::copy_n(log_.q_e + k * readings_, n_, q.begin());
+        std::copy_n(log_.q_e + k * readings_, drawn_.motors, q.begin());
         for (const Pose& from : {home, guess}) {
           at.pose[k] = from;
           rest_[k] = {};

@@ -31,7 +31,7 @@ double Line::weight(const LineLoss& loss) const {
 
 Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,
                double* H_xi, RowMatrix& D) {
-  const int readings = dof(robot.mobility) + robot.r, count = given.count + axes.count;
+  const int readings = truepose::readings(robot), count = given.count + axes.count;
   RowMatrix left;
   Outcome outcome;
   if (axes.count > 0) outcome = left_out(robot, axes, pose, H_xi, left);
@@ -47,7 +47,7 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
 Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
                        const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
                        Line& line, Parasitic& rest) {
-  const int n = dof(robot.mobility), readings = n + robot.r, p = known.count;
+  const int n = dof(robot.mobility), readings = truepose::readings(robot), p = known.count;
   Extended expected, residual{}, values{};
   PoseRows H_x;
   const Outcome outcome = linearise(level, robot, pose, expected, H_x, H_xi, &rest);

@@ -46,7 +46,7 @@ struct Outside {
 /// Other influences on the readings at a pose, of unknown amounts.
 struct Influences {
   int count = 0;
-  const double* pattern = nullptr;  ///< (n + r) × count: effect of one unit of each
+  const double* pattern = nullptr;  ///< (m + r) × count: effect of one unit of each
 };
 
 /// Computes D of a row, in σ of the readings: of influences, then of nuisances (model_error.hpp).
@@ -54,10 +54,10 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
                double* H_xi, RowMatrix& D);
 
 /// Linearises readings and external measurement at a pose, and eliminates the pose.
-/// @param q_e    n + r readings, NaN where missing; nullptr: as expected
+/// @param q_e    m + r readings, NaN where missing; nullptr: as expected
 /// @param known  ξ, then unknowns that no reading depends on, column -1, then η if D is given
 /// @param D      ∂q_e/∂η in units of the readings' σ, from acting; nullptr: no η
-/// @param H_xi   work space, 2 (n + r) × parameter_count. @param rest  as of linearise
+/// @param H_xi   work space, 2 (m + r) × parameter_count. @param rest  as of linearise
 Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
                        const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
                        Line& line, Parasitic& rest);

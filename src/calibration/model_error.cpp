@@ -4,7 +4,7 @@
 namespace truepose {
 Outcome left_out(const Robot& robot, const Knowledge& known, const Pose& pose, double* H_xi,
                  RowMatrix& D) {
-  const int rows = dof(robot.mobility) + robot.r, size = rows * parameter_count(robot);
+  const int rows = readings(robot), size = rows * parameter_count(robot);
   Extended q_e;
   PoseRows H_x;
   Outcome outcome = linearise(Level::full, robot, pose, q_e, H_x, H_xi);

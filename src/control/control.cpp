@@ -13,14 +13,14 @@ void track(const ControlSettings& settings, Real pole, Real reading, Real expect
 namespace {
 /// Maps a motor error's rate to rates of the errors that a law corrects.
 Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference& reference, int r) {
-  const int n = reference.jacobians.n;
+  const int n = reference.jacobians.n, m = reference.jacobians.motors;
   Extended result{};
-  std::copy_n(rate.begin(), n, result.begin());
+  std::copy_n(rate.begin(), m, result.begin());
   const Coordinates twist = pose_rate(reference.jacobians, rate);
   if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
   if (corrects == Corrects::readings)
     for (int k = 0; k < r; ++k)
-      for (int i = 0; i < n; ++i) result[n + k] += reference.jr[k][i] * twist[i];
+      for (int i = 0; i < n; ++i) result[m + k] += reference.jr[k][i] * twist[i];
   return result;
 }
 
@@ -42,7 +42,8 @@ class ControlCycle {
         before_(before),
         state_(state),
         corrects_(properties(settings.law).corrects),
-        n(dof(robot.mobility)) {}
+        n(dof(robot.mobility)),
+        m(robot.motors) {}
 
   /// Whether the inputs that the law uses are finite: the joint law runs without sensors.
   bool finite() const {
@@ -77,12 +78,12 @@ class ControlCycle {
     if (!before_.started || switches()) state_.position = measured_;
     if (switches()) {
       state_.rate = in_terms_of(corrects_, before_.error_rate, reference_, robot_.r);
-      for (int i = 0; i < n; ++i) state_.held[i] = before_.error[i] - state_.error[i];
+      for (int i = 0; i < m; ++i) state_.held[i] = before_.error[i] - state_.error[i];
       state_.leaving = settings_.lead_out;
     }
     const Real share = led_out(state_.leaving, settings_.lead_out);
     state_.leaving = std::max(0.0, state_.leaving - settings_.period);
-    for (int i = 0; i < n; ++i) state_.error[i] += share * state_.held[i];
+    for (int i = 0; i < m; ++i) state_.error[i] += share * state_.held[i];
   }
 
   /// Rates of the errors by their tracking loops, and of ê_q by the law.
@@ -91,7 +92,7 @@ class ControlCycle {
     const Real pole = std::exp(-settings_.velocity_bandwidth * settings_.period);
     // At the start the robot counts as following until its readings differ.
     const Real half = before_.started ? 0.5 : 0;
-    const int tracked = corrects_ == Corrects::readings ? n + robot_.r : n;
+    const int tracked = posed() ? n : readings();
     Coordinates twist{};  // of x_d against x̂
     state_.error_rate = {};
     for (int c = 0; c < tracked; ++c) {
@@ -102,7 +103,7 @@ class ControlCycle {
       track(settings_, pole, measured_[c], expected, state_.position[c], state_.rate[c]);
       state_.desired[c] = rate;
       if (corrects_ == Corrects::readings)
-        for (int i = 0; i < n; ++i) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
+        for (int i = 0; i < m; ++i) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
       else if (posed())
         twist[c] = state_.rate[c];
       else
@@ -121,10 +122,10 @@ class ControlCycle {
   /// the poles at one pose, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
   /// a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a, decoupled at every pose.
   Outcome command_torques() {
-    for (int i = 0; i < n && before_.braked; ++i)  // the others do not compensate it
+    for (int i = 0; i < m && before_.braked; ++i)  // the others do not compensate it
       if (braked(i)) state_.error[i] = state_.error_rate[i] = state_.integral[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < m; ++i) {
       pd[i] = settings_.kp[i] * state_.error[i] + settings_.kd[i] * state_.error_rate[i];
       steps[i] = settings_.ki[i] * settings_.period * state_.error[i];
     }
@@ -139,7 +140,7 @@ class ControlCycle {
           dynamic_model(robot_, reference_.closure, rate, model, shaped ? nullptr : &acceleration);
       if (!outcome) return outcome;
       if (!shaped) {
-        torque = motor_torques(n, J, model.bias, model.slope);
+        torque = motor_torques(n, m, J, model.bias, model.slope);
       } else {
         if (settings_.feed_forward == FeedForward::none) model.bias.fill(0);
         torque = inverse_dynamics(model, J, acceleration);
@@ -148,9 +149,10 @@ class ControlCycle {
         steps = inverse_dynamics(model, J, pose_rate(reference_.jacobians, steps));
       }
     }
-    for (int i = 0; i < n && before_.braked; ++i)
+    for (int i = 0; i < m && before_.braked; ++i)
       if (braked(i)) pd[i] = steps[i] = 0;
-    for (int i = 0; i < n; ++i) limit(i, torque[i], pd[i], steps[i]);
+    for (int i = 0; i < m; ++i) limit(i, torque[i], pd[i], steps[i]);
+    if (m > n) make_up_for_limits();
     // A NaN in the state would fail every later cycle, as would what overflows then.
     if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
     return {};
@@ -161,7 +163,7 @@ class ControlCycle {
     state_.started = true;
     state_.switched = false;
     state_.law = settings_.law;
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < m; ++i)
       state_.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
   }
 
@@ -171,12 +173,13 @@ class ControlCycle {
     return before_.started && (before_.switched || before_.law != settings_.law);
   }
   bool braked(int i) const { return before_.braked >> i & 1U; }
-  int readings() const { return corrects_ == Corrects::motors ? n : n + robot_.r; }
+  int readings() const { return corrects_ == Corrects::motors ? m : m + robot_.r; }
 
   Real desired_rate(int c) const {
-    if (c < n) return posed() ? setpoint_.rate[c] : joint_rate_[c];
+    if (posed()) return setpoint_.rate[c];
+    if (c < m) return joint_rate_[c];
     Real rate = 0;
-    for (int j = 0; j < n; ++j) rate += reference_.jr[c - n][j] * setpoint_.rate[j];
+    for (int j = 0; j < n; ++j) rate += reference_.jr[c - m][j] * setpoint_.rate[j];
     return rate;
   }
 
@@ -214,7 +217,44 @@ class ControlCycle {
     // Before the limit and the brakes, which hide infinities.
     sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(joint_rate_[i]);
     sum_ += std::fabs(state_.held[i]);
-    state_.torque[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
+    wanted_[i] = wanted + (pushes ? 0 : step);
+    state_.torque[i] = limited(robot_.chain[i], wanted_[i]);
+  }
+
+  /// Redundant motors within their limits add the smallest torques that make up for the force which
+  /// those at their limits lack.
+  void make_up_for_limits() {
+    const Jacobians& at = reference_.jacobians;
+    std::uint32_t excluded = before_.braked;
+    Joint lacks{};
+    for (int i = 0; i < m; ++i) lacks[i] = braked(i) ? 0 : wanted_[i] - state_.torque[i];
+    for (int left = m - n; left > 0; --left) {
+      Coordinates force{};
+      Square K, inverse;  // of the motors that can add
+      Unknowns size{};
+      std::array<int, kMaxMotors> motor;
+      int count = 0;
+      for (int i = 0; i < m; ++i) {
+        const Real rate = reference_.closure.chain[i].rate;
+        if (lacks[i] != 0) excluded |= 1U << i;
+        const bool adds = !(excluded >> i & 1U);
+        for (int j = 0; j < n; ++j) {
+          const Real k = at.jx[i][j] / at.jq[i];
+          force[j] += k * rate * lacks[i];
+          if (adds) K[count][j] = k, size[j] += k * k;
+        }
+        if (adds) motor[count++] = i;
+      }
+      if (count == m || count < n || !invert(count, n, K, size, 0, inverse)) return;
+      lacks = {};
+      for (int c = 0; c < count; ++c) {
+        Real& torque = state_.torque[motor[c]];
+        const Real more = sum_of(n, [&](int j) { return inverse[j][c] * force[j]; });
+        const Real next = torque + more / reference_.closure.chain[motor[c]].rate;
+        torque = limited(robot_.chain[motor[c]], next);
+        lacks[motor[c]] = next - torque;
+      }
+    }
   }
 
   const Robot& robot_;
@@ -224,11 +264,12 @@ class ControlCycle {
   const ControlState& before_;
   ControlState& state_;
   const Corrects corrects_;
-  const int n;
+  const int n, m;  ///< freedoms, motors
   Reference reference_;
   Pose found_;           ///< x̂, of laws of the pose
   Extended measured_{};  ///< readings, or x̂
   Joint joint_rate_{};   ///< of q_d
+  Joint wanted_;         ///< torques before their limits
   Real sum_ = 0;         ///< of all that is stored: not finite if any of it is not
 };
 }  // namespace
@@ -257,7 +298,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
 
 Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
                     ControlSettings& settings) {
-  const int n = dof(robot.mobility);
+  const int motors = robot.motors;
   Closure closure;
   Jacobians jacobians;
   DynamicModel model;
@@ -266,13 +307,13 @@ Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Re
   if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   const auto inertia = joint_inertia(model, jacobians.J);
-  for (int m = 0; m < n; ++m) {
+  for (int m = 0; m < motors; ++m) {
     // The error is in readings, the torque is the motor's own.
     const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
     settings.kp[m] = of * frequency * frequency;
     settings.kd[m] = 2 * damping * of * frequency;
   }
-  if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
+  if (!all_finite(settings.kp, motors) || !all_finite(settings.kd, motors))
     outcome = {Status::not_finite, -1};
   return outcome;
 }

@@ -87,7 +87,7 @@ inline Real limited(const Chain& chain, Real torque) {
 }
 
 /// Runs one cycle. Bounded work, no allocation, no exception, no lock.
-/// @param q_e    readings of motors and sensors, size n + r
+/// @param q_e    readings of motors and sensors, size m + r
 /// @param state  in and out; state.torque is the command
 /// @param known  for laws that weigh
 /// @return no answer: the last valid torque is held, nothing else changes; near_singular: the

@@ -27,7 +27,7 @@ Twist drifting(const Carried& carried, const Coordinates& rate) {
 
 Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordinates& rate,
                       DynamicModel& model, const Coordinates* acceleration) {
-  const int n = model.n = dof(robot.mobility);
+  const int n = model.n = dof(robot.mobility), m = model.motors = robot.motors;
   const bool M = acceleration == nullptr;
   const Carried& twists = closure.carried;
   const Twist twist = to_twist(twists, rate);
@@ -48,17 +48,17 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
   Vec3 first = Vec3::Zero();   // Σ m l
   Mat3 second = Mat3::Zero();  // Σ m l lᵀ
   Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
-  const auto hang = [&](Real m, const Vec3& l, const Vec3& f) {
+  const auto hang = [&](Real own, const Vec3& l, const Vec3& f) {
     if (M) {
-      mass += m;
-      first += m * l;
-      second += outer(m * l, l);
+      mass += own;
+      first += own * l;
+      second += outer(own * l, l);
     }
     force += f;
     moment += l.cross(f);
   };
 
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     const Chain& chain = robot.chain[i];
     const ChainState& at = closure.chain[i];
     auto& k = model.k[i];
@@ -158,11 +158,12 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
   return {};
 }
 
-Joint motor_torques(int n, const Square& J, const Coordinates& force, const Joint& slope) {
+Joint motor_torques(int n, int motors, const Square& J, const Coordinates& force,
+                    const Joint& slope) {
   Joint torque{};
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force[i];
-  for (int j = 0; j < n; ++j) torque[j] *= slope[j];
+    for (int j = 0; j < motors; ++j) torque[j] += J[i][j] * force[i];
+  for (int j = 0; j < motors; ++j) torque[j] *= slope[j];
   return torque;
 }
 
@@ -172,23 +173,17 @@ Joint inverse_dynamics(const DynamicModel& model, const Square& J,
   Coordinates force = model.bias;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) force[i] += model.mass[i][j] * acceleration[j];
-  return motor_torques(n, J, force, model.slope);
-}
-
-Coordinates pose_rate(const Jacobians& at, const Joint& rate) {
-  Coordinates result{};
-  for (int i = 0; i < at.n; ++i)
-    result[i] = sum_of(at.n, [&](int j) { return at.J[i][j] * rate[j]; });
-  return result;
+  return motor_torques(n, model.motors, J, force, model.slope);
 }
 
 Square joint_inertia(const DynamicModel& model, const Square& J) {
   const int n = model.n;
   Square inertia{};
-  for (int m = 0; m < n; ++m)
+  const int motors = model.motors;
+  for (int m = 0; m < motors; ++m)
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j)
-        for (int l = 0; l < n; ++l) inertia[m][l] += J[i][m] * model.mass[i][j] * J[j][l];
+        for (int l = 0; l < motors; ++l) inertia[m][l] += J[i][m] * model.mass[i][j] * J[j][l];
   return inertia;
 }
 
@@ -201,10 +196,9 @@ Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates
   if (outcome) outcome = jacobian(closure, jacobians);
   if (outcome) outcome = dynamic_model(robot, closure, rate, model, &acceleration);
   if (!outcome) return outcome;
-  torque = motor_torques(model.n, jacobians.J, model.bias, model.slope);
-  for (int i = 0; i < dof(robot.mobility); ++i)
-    torque[i] += friction(robot.chain[i], model.rate[i]);
-  if (!all_finite(torque, dof(robot.mobility))) return {Status::not_finite, -1};
+  torque = motor_torques(model.n, model.motors, jacobians.J, model.bias, model.slope);
+  for (int i = 0; i < robot.motors; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
+  if (!all_finite(torque, robot.motors)) return {Status::not_finite, -1};
   return outcome;
 }
 

@@ -4,7 +4,10 @@
 // derivatives. Rotors and arms turn about the motors' axes, rods are slender (velocity linear
 // between B and A, which is exact), platform bodies are rigid. D'Alembert:
 //
-//     M(x) ẍ + c(x, ẋ) = Kᵀ (τ - friction(q̇)),     q̇ = K ẋ,  K = J⁻¹ = J_q⁻¹ J_x
+//     M(x) ẍ + c(x, ẋ) = Kᵀ (τ - friction(q̇)),     q̇ = K ẋ,  K = J_q⁻¹ J_x
+//
+// m motors beyond the n freedoms leave m - n combinations of torques open, which only stress the
+// robot: Jᵀ, the pseudo-inverse of Kᵀ, gives the torques of least norm.
 #pragma once
 
 #include "mechanism/jacobian.hpp"
@@ -12,11 +15,11 @@
 namespace truepose {
 /// The reduced dynamics at one pose and velocity.
 struct DynamicModel {
-  int n;
+  int n, motors;
   Square mass;       ///< M, full symmetric
   Coordinates bias;  ///< c: Coriolis, centrifugal and gravity forces; or M ẍ + c
   Square k;          ///< K, rows k_i
-  Coordinates rate;  ///< q̇
+  Joint rate;        ///< q̇
   Joint slope;       ///< ∂(q as read)/∂(q as the motor turns)
 };
 
@@ -31,13 +34,11 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
                       DynamicModel& model, const Coordinates* acceleration = nullptr);
 
 /// Motor torques Jᵀ f of a force of the platform's coordinates.
-Joint motor_torques(int n, const Square& J, const Coordinates& force, const Joint& slope);
+Joint motor_torques(int n, int motors, const Square& J, const Coordinates& force,
+                    const Joint& slope);
 
 /// Motor torques for an acceleration, without friction: τ = Jᵀ (M ẍ + c).
 Joint inverse_dynamics(const DynamicModel& model, const Square& J, const Coordinates& acceleration);
-
-/// Twist J v of the platform for rates v of the readings.
-Coordinates pose_rate(const Jacobians& at, const Joint& rate);
 
 /// Joint inertia JᵀMJ, of the motors' readings.
 Square joint_inertia(const DynamicModel& model, const Square& J);
@@ -65,7 +66,7 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   const Joint torque = torque_of(closure, model);
   Coordinates force;
   for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const Real net = torque[i] - friction(robot.chain[i], model.rate[i]);
     for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
   }

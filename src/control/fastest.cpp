@@ -28,7 +28,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
     for (int j = 0; j < n; ++j)
       acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
     mass.solve(acceleration);
-    for (int c = 0; c < n + robot.r; ++c) {
+    for (int c = 0; c < readings(robot); ++c) {
       Real moves = 0;
       for (int j = 0; j < n; ++j) moves += H_x[c][j] * acceleration[j];
       most[c] += std::fabs(moves);

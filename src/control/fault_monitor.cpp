@@ -297,7 +297,7 @@ class Cycle : MonitoredCycle {
         replaced_ |= bit(c);
         believed_[c] -= b;
         if (c < n)
-          for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
+          for (int i = 0; i < dof(robot_.mobility); ++i) step[i] -= parity_.jacobians.J[i][c] * b;
       } else if (!failed) {
         // Extrapolated: a sensor follows the motors, a motor its setpoint.
         believed_[c] = monitor_.reading[c].own.predicted(settings_.period);

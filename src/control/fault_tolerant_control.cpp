@@ -33,7 +33,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
                                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
                                const Weighing& weighing, FaultTolerantState& fault_state,
                                Multirate* late) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   Extended believed = q_e;
   FaultMonitor& monitor = fault_state.monitor;
   const Outcome monitored = monitor_faults(
@@ -114,7 +114,7 @@ void release(FaultTolerantState& fault_state) {
 
 void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
                     bool moves, const Joint& torque, FaultTolerantState& state) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   FaultMonitor& monitor = state.monitor;
   MomentumObserver& observer = state.observer;
   bool observed = moves && !state.stops;

@@ -16,7 +16,8 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   const Outcome found = fkm(Level::ideal, robot, motors.position, x, cap);
   if (!found) return found;
   const int n = dof(robot.mobility);
-  if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n)) return {Status::not_finite};
+  const int m = robot.motors;
+  if (!all_finite(motors.velocity, m) || !all_finite(motors.torque, m)) return {Status::not_finite};
   Closure closure;
   Jacobians at;
   Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
@@ -25,7 +26,7 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   joints = {};
   std::copy_n(x.begin(), n, joints.position.begin());
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) {
+    for (int j = 0; j < m; ++j) {
       joints.velocity[i] += at.J[i][j] * motors.velocity[j];
       joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
     }
@@ -38,7 +39,7 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   for (const Joint* values :
        {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
         &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
-    if (!all_finite(*values, n)) return {Status::not_finite};
+    if (!all_finite(*values, robot.motors)) return {Status::not_finite};
   const Pose desired = to_pose(robot.mobility, free(wanted.state.position)),
              now = to_pose(robot.mobility, free(joints.position));
   Closure closure;
@@ -52,7 +53,7 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   if (outcome) outcome = jacobian(closure, at);
   if (!outcome) return outcome;
   const Coordinates away = difference(robot.mobility, desired, now);
-  for (int j = 0; j < n; ++j) {
+  for (int j = 0; j < robot.motors; ++j) {
     for (int i = 0; i < n; ++i) {
       const Real J = at.J[i][j];
       result.kp[j] += J * J * wanted.kp[i];

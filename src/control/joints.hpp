@@ -1,6 +1,6 @@
 // Joint states from motor states, and motor commands from joint commands, on passive axes.
 //
-// x = FKM(q), ẋ = J q̇, joint torque J⁻ᵀτ; conversely q = IKM(x), q̇ = J⁻¹ẋ, motor torque Jᵀτ, with
+// x = FKM(q), ẋ = J q̇, joint torque Kᵀτ; conversely q = IKM(x), q̇ = K ẋ, motor torque Jᵀτ, with
 // torque times rate the same on both sides. For other mobilities joints are the free coordinates.
 #pragma once
 

@@ -20,7 +20,7 @@ Outcome linearise_kept(const Robot& robot, const Weighing& weighing, const Refer
   const int n = dof(robot.mobility);
   const Knowledge& known = *weighing.known;
   CachedGain& kept = *weighing.kept;
-  Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
+  Real *H_xi = weighing.work, *B = H_xi + readings(robot) * parameter_count(robot);
   const std::uint64_t mark = fingerprint(robot, known);
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
   const Outcome outcome = linearise(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
@@ -33,9 +33,8 @@ Outcome linearise_kept(const Robot& robot, const Weighing& weighing, const Refer
 /// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
 Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Reference& reference) {
   if (!weighing) return {Status::not_measured};
-  const int n = dof(robot.mobility);
   PoseRows H_x;
-  if (weighing.kept) {
+  if (weighing.kept && !overdriven(robot)) {
     CachedFusion at;
     const Outcome outcome =
         linearise_kept(robot, weighing, reference, reference.q_e, H_x, rest, at);
@@ -44,7 +43,7 @@ Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Ref
   }
   ReadingCovariance C;
   Fusion fusion;
-  Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
+  Real *H_xi = weighing.work, *B = H_xi + readings(robot) * parameter_count(robot);
   Outcome outcome = linearise(robot, reference, reference.q_e, H_x, H_xi, rest);
   if (outcome) outcome = reading_covariance(robot, *weighing.known, H_xi, B, C);
   if (outcome) outcome = fuse(robot, *weighing.known, C, H_x, fusion);
@@ -104,7 +103,7 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference, Real band,
               const Weighing& weighing, Parasitic* nearby) {
-  if (robot.r == 0 && properties(law).sensed) return {Status::not_measured};
+  if (redundancy(robot) == 0 && properties(law).sensed) return {Status::not_measured};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm(robot, to_pose(robot.mobility, x_d), reference.closure);
@@ -136,11 +135,11 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
 
 Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
                     Joint& error, Pose& found, const Weighing& weighing, const Parasitic& nearby) {
-  const int n = dof(robot.mobility);
+  const int m = robot.motors;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
     const Outcome outcome =
-        properties(law).weighs && weighing.kept
+        properties(law).weighs && weighing.kept && !overdriven(robot)
             ? find_kept(robot, weighing, reference, q_e, found, nearby)
             : found_pose(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
     if (outcome)
@@ -148,14 +147,17 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
     return outcome;
   }
   std::array<Real, kMaxReadings> e_qe;
-  for (int i = 0; i < n; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
+  for (int i = 0; i < m; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
   if (corrects == Corrects::motors) {
-    for (int i = 0; i < n; ++i) error[i] = e_qe[i];
+    for (int i = 0; i < m; ++i) error[i] = e_qe[i];
+    // Without what no motion of the platform corrects, against which the motors would only strain.
+    if (overdriven(robot))
+      error = reference.jacobians.joint_rate(pose_rate(reference.jacobians, error));
   } else {
-    for (int k = n; k < n + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];
-    for (int i = 0; i < n; ++i) {
+    for (int k = m; k < m + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];
+    for (int i = 0; i < m; ++i) {
       error[i] = 0;
-      for (int c = 0; c < n + robot.r; ++c) error[i] += reference.tej[i][c] * e_qe[c];
+      for (int c = 0; c < m + robot.r; ++c) error[i] += reference.tej[i][c] * e_qe[c];
     }
   }
   return {};
@@ -164,9 +166,10 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
 Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
                     Joint& error, Real band, const Weighing& weighing, Parasitic* kept,
                     ServoCycle* cycle) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   const bool alone = properties(law).corrects == Corrects::motors;
-  if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n)) return {Status::not_finite};
+  if (!all_finite(q_e, alone ? m : readings(robot)) || !all_finite(x_d, n))
+    return {Status::not_finite};
   Reference reference;
   Parasitic unknown;
   Parasitic& nearby = kept ? *kept : unknown;
@@ -175,7 +178,7 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
   Pose found;
   Joint e{};
   Outcome outcome = motor_error(robot, law, reference, q_e, e, found, weighing, nearby);
-  if (outcome && !all_finite(e, n)) outcome = {Status::not_finite};
+  if (outcome && !all_finite(e, m)) outcome = {Status::not_finite};
   if (!outcome) return outcome;
   error = e;
   if (cycle == nullptr) return regular;
@@ -183,11 +186,11 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
   *cycle = {};
   cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
   cycle->error = e;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < n; ++i) std::copy_n(reference.jacobians.J[i].begin(), m, cycle->J[i].begin());
+  for (int i = 0; i < m; ++i) {
     cycle->q_d[i] = reference.q_e[i];
-    std::copy_n(reference.jacobians.J[i].begin(), n, cycle->J[i].begin());
     if (corrects == Corrects::readings)
-      std::copy_n(reference.tej[i].begin(), n + robot.r, cycle->tej[i].begin());
+      std::copy_n(reference.tej[i].begin(), m + robot.r, cycle->tej[i].begin());
   }
   return regular;
 }

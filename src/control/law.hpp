@@ -9,9 +9,9 @@
 
 namespace truepose {
 enum class Law : int {
-  joint = 0,      ///< Figure 1: e_q = q_d - q
+  joint = 0,      ///< Figure 1: e_q = q_d - q; more motors than freedoms: K J (q_d - q)
   tej = 1,        ///< Figure 2: ê_q = TEJ (q_de - q_e)
-  cartesian = 2,  ///< closing remark: ê_q = J⁻¹ (x_d - x̂), x̂ of `redundant_fkm`
+  cartesian = 2,  ///< closing remark: ê_q = K (x_d - x̂), K = J⁻¹, x̂ of `redundant_fkm`
   weighted = 3,   ///< as tej, with the weighted TEJ (estimate.hpp)
   estimated = 4,  ///< as cartesian, x̂ from `estimate`: any mobility, any sensors
 };
@@ -29,7 +29,7 @@ struct LawProperties {
   const char* name;
   Corrects corrects;
   bool weighs = false;  ///< uses knowledge of the robot: needs Weighing, its highest level
-  bool sensed = true;   ///< needs a redundant sensor in use: without one it is another law
+  bool sensed = true;   ///< needs a redundant reading: without one it is another law
 };
 
 /// In the order of Law. The only table of their properties, also for Python.
@@ -91,7 +91,7 @@ struct Reference {
 /// @param weighing  for the weighted law
 /// @param nearby    null, or the full level's residual motion at the last x_d, then at this one
 /// @return near_singular: J is damped; not_measured:
-/// the law needs knowledge, or a redundant sensor in use, and there is none; joint_limit: a motor
+/// the law needs knowledge, or a redundant reading, and there is none; joint_limit: a motor
 /// would have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the
 /// band, where the modes meet, both are accepted)
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference,

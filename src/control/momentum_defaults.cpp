@@ -9,7 +9,7 @@ Outcome default_momentum(const Robot& robot, const ControlSettings& settings,
   safety_detail::AtHome home;
   const Outcome outcome = home.find(robot);
   if (!outcome) return outcome;
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
     const Real kp = std::fabs(settings.kp[i]) * (settings.gains == Gains::inertia ? inertia : 1);

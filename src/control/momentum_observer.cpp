@@ -21,14 +21,15 @@ Coordinates carried(const Robot& robot, const Closure& closure, const Coordinate
 Closure closed(const Robot& robot, const MomentumObserver& state) {
   Closure closure;
   closure.pose = state.before;
+  closure.motors = robot.motors;
   carry(robot, state.before, closure.carried);
-  std::copy_n(state.chain.begin(), dof(robot.mobility), closure.chain.begin());
+  std::copy_n(state.chain.begin(), robot.motors, closure.chain.begin());
   return closure;
 }
 
 Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
                         MomentumObserver& state) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   const Closure closure = closed(robot, state);
   Jacobians jacobians;
   const Outcome outcome = jacobian(closure, jacobians);
@@ -37,34 +38,43 @@ Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
   const Real slow = settings.period * settings.bandwidth * 0.1;
   Joint slope{};
-  for (int i = 0; i < n; ++i) slope[i] = 1 / closure.chain[i].rate;
-  Joint residual = motor_torques(n, jacobians.J, state.needed, slope);
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) slope[i] = 1 / closure.chain[i].rate;
+  // Kᵀ τ, the force of motor torques on the platform.
+  const auto force_of = [&](const Joint& torque) {
+    Coordinates force{};
+    for (int i = 0; i < m; ++i) {
+      const Real per_jq = torque[i] * closure.chain[i].rate / jacobians.jq[i];
+      for (int j = 0; j < n; ++j) force[j] += jacobians.jx[i][j] * per_jq;
+    }
+    return force;
+  };
+  Joint held = state.held, residual = motor_torques(n, m, jacobians.J, state.needed, slope);
+  for (int i = 0; i < m; ++i) held[i] -= friction(robot.chain[i], rate[i] * closure.chain[i].rate);
+  // Torques that only stress the robot are no disturbance.
+  if (m > n) held = motor_torques(n, m, jacobians.J, force_of(held), slope);
+  for (int i = 0; i < m; ++i) {
     const Real turns = rate[i] * closure.chain[i].rate;
-    residual[i] += friction(robot.chain[i], turns) - state.held[i];
+    residual[i] -= held[i];
     state.sign[0][i] = -std::clamp<Real>(turns / slow, -1, 1);  // unknown within its counts
   }
-  if (!all_finite(residual, n)) return {Status::not_finite, -1};
-  for (int i = 0; i < n; ++i) slope[i] = -slope[i];
-  state.mass[0] =
-      motor_torques(n, jacobians.J, carried(robot, closure, state.rate, state.acceleration), slope);
+  if (!all_finite(residual, m)) return {Status::not_finite, -1};
+  for (int i = 0; i < m; ++i) slope[i] = -slope[i];
+  state.mass[0] = motor_torques(n, m, jacobians.J,
+                                carried(robot, closure, state.rate, state.acceleration), slope);
   filter(gain, residual, state.once, state.residual);
-  state.force = {};
-  for (int i = 0; i < n; ++i) {
-    const Real per_jq = state.residual[i] * closure.chain[i].rate / jacobians.jq[i];
-    for (int j = 0; j < n; ++j) state.force[j] += jacobians.jx[i][j] * per_jq;
-  }
+  state.force = force_of(state.residual);
   return outcome;
 }
 
-void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
+void name(const Robot& robot, const MomentumSettings& settings, MomentumObserver& state) {
+  const int n = dof(robot.mobility), m = robot.motors;
   const Real gain = std::min<Real>(1, settings.bandwidth * settings.period);
   filter(gain, state.mass[0], state.mass[1], state.mass[2]);
   filter(gain, state.sign[0], state.sign[1], state.sign[2]);
   const Joint &mass = state.mass[2], &sign = state.sign[2];
   Joint weight{};  // V⁻¹
   state.chi2 = 0;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     const Real sigma = settings.sigma[i], share = settings.share * state.torque[i];
     weight[i] = 1 / (sigma * sigma + share * share);
     state.chi2 += state.residual[i] * state.residual[i] * weight[i];
@@ -96,7 +106,7 @@ void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
   state.payload.score *= keep;
   Real whole = 0;
   Cause every;  // the same friction of all motors, dry joints or cold grease, is one cause
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     Cause& cause = state.friction[i];
     cause.information *= keep;
     cause.score *= keep;
@@ -112,7 +122,7 @@ void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
     cause.score += sign[i] * w * rho;
     state.energy[i] += rho * w * rho;
   }
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     every.information += state.friction[i].information;
     every.score += state.friction[i].score;
     whole += state.energy[i];
@@ -123,7 +133,7 @@ void name(int n, const MomentumSettings& settings, MomentumObserver& state) {
   Real most = of->accounts();
   // A motor at rest may rub with less than its friction, in either direction: all of its residual
   // counts as friction's, as soon as any is against motion.
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < m; ++i)
     if (state.friction[i].score > 0 && state.energy[i] > most) {
       most = state.energy[i];
       found = Disturbance::friction;
@@ -169,8 +179,8 @@ void sample_momentum(const Robot& robot, const MomentumSettings& settings, const
     for (int i = 0; i < dof(robot.mobility); ++i) {
       state.rate[i] = 0.5 * per * (motion[i] + state.motion[i]);
       state.acceleration[i] = per * per * (motion[i] - state.motion[i]);
-      state.held[i] = 0.5 * (state.torque[i] + torque[i]);
     }
+    for (int i = 0; i < robot.motors; ++i) state.held[i] = 0.5 * (state.torque[i] + torque[i]);
   }
   state.pose = pose;
   state.motion = motion;
@@ -185,7 +195,7 @@ Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
     case 1: {
       Closure closure;
       outcome = ikm(robot, state.before, closure, false);
-      std::copy_n(closure.chain.begin(), dof(robot.mobility), state.chain.begin());
+      std::copy_n(closure.chain.begin(), robot.motors, state.chain.begin());
       break;
     }
     case 2: {
@@ -196,7 +206,7 @@ Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
       break;
     }
     case 3: outcome = momentum_detail::update_residual(robot, settings, state); break;
-    default: state.step = 0; momentum_detail::name(dof(robot.mobility), settings, state);
+    default: state.step = 0; momentum_detail::name(robot, settings, state);
   }
   if (!outcome) state.cycles = state.step = 0;
   return outcome;
@@ -204,7 +214,7 @@ Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
 
 void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
                         const Setpoint& setpoint, MomentumObserver& state, Joint& torque) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   state.refused = false;
   if (!settings.carry || state.disturbance != Disturbance::payload) return;
   Closure closure;
@@ -216,18 +226,18 @@ void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
   if (!outcome) return;
   const Joint own = inverse_dynamics(model, jacobians.J, Coordinates{});
   const auto torques = [&](const Coordinates& rate, const Coordinates& acceleration) {
-    return motor_torques(n, jacobians.J,
+    return motor_torques(n, m, jacobians.J,
                          momentum_detail::carried(robot, closure, rate, acceleration), model.slope);
   };
   const Joint held = torques({}, {});
   const Joint more = torques(setpoint.rate, setpoint.acceleration);
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     const Real most = robot.chain[i].torque_limit;
     if (!std::isfinite(state.size * (std::fabs(held[i]) + std::fabs(more[i]))))
       state.refused = true;
     if (most > 0 && !(std::fabs(own[i] + state.size * held[i]) < most)) state.refused = true;
   }
-  for (int i = 0; i < n && !state.refused; ++i)
+  for (int i = 0; i < m && !state.refused; ++i)
     torque[i] = limited(robot.chain[i], torque[i] + state.size * more[i]);
 }
 }  // namespace truepose

@@ -116,7 +116,7 @@ Outcome update_residual(const Robot& robot, const MomentumSettings& settings,
                         MomentumObserver& state);
 
 /// Filters φ and names the disturbance, from its start until it is over.
-void name(int n, const MomentumSettings& settings, MomentumObserver& state);
+void name(const Robot& robot, const MomentumSettings& settings, MomentumObserver& state);
 }  // namespace momentum_detail
 
 /// Takes a sample, after whose steps the report is of the sample before it.

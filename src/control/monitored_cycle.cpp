@@ -78,7 +78,7 @@ bool MonitoredCycle::covariance(Real gain, Real share, ReadingCovariance& V) con
 
 Real MonitoredCycle::bending() const {
   Real way2 = 0, bend2 = 0;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < dof(robot_.mobility); ++i) {
     const Real bend = monitor_.motion[i] - monitor_.last[i];
     way2 += monitor_.motion[i] * monitor_.motion[i];
     bend2 += bend * bend;
@@ -170,7 +170,7 @@ bool MonitoredCycle::replaceable(int c, Real left, Reading g, const ReadingCovar
 }
 
 bool MonitoredCycle::stale() {
-  for (int i = 0; i < n; ++i) monitor_.way += std::fabs(monitor_.motion[i]);
+  for (int i = 0; i < dof(robot_.mobility); ++i) monitor_.way += std::fabs(monitor_.motion[i]);
   const bool far = monitor_.way > kSamePlace * settings_.correlation;
   if (!far && monitor_.cycle % settings_.refresh != 0) return false;
   monitor_.way = 0;

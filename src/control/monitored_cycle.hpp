@@ -18,7 +18,7 @@ struct MonitoredCycle {
   Extended& believed_;
   Multirate* late_;  ///< slow and delayed sensors; nullptr: none
 
-  const int n = dof(robot_.mobility), r_ = robot_.r, rows_ = n + r_;
+  const int n = robot_.motors, r_ = robot_.r, rows_ = n + r_;
   bool settled_ = monitor_.cycle - monitor_.began > kSettling;
   Parity parity_;
   Extended noise_{};               ///< variances of the readings' own errors

@@ -3,10 +3,10 @@
 
 namespace truepose {
 void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   for (int k = 0; k < robot.r; ++k) {
     if (!late.is(k)) continue;
-    const Real off = q_e[n + k] - late.expected[k];
+    const Real off = q_e[m + k] - late.expected[k];
     if (!std::isfinite(off)) continue;  // the law reports it
     if (!(late.begun & bit(k))) {
       late.begun |= bit(k);
@@ -20,7 +20,7 @@ void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
     const Real share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
     late.slow[k] += share * (off - late.slow[k]);
     for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
-    q_e[n + k] = late.expected[k] + late.slow[k];
+    q_e[m + k] = late.expected[k] + late.slow[k];
   }
 }
 
@@ -72,7 +72,7 @@ bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
 
 namespace truepose::late_detail {
 Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   Extended fed{};  // sensors as expected: the parity is minus the change of h
   std::copy_n(q_e.begin(), n, fed.begin());
   std::copy_n(late.expected.begin(), robot.r, fed.begin() + n);
@@ -103,11 +103,11 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
 
 namespace truepose {
 Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   if (!robot.finished) return {Status::unfinished, -1};
   const bool first = late.cycle == 0;
   for (int k = 0; first && k < robot.r; ++k)  // the initial turn
-    late.expected[k] = std::isfinite(q_e[n + k]) ? q_e[n + k] : 0;
+    late.expected[k] = std::isfinite(q_e[m + k]) ? q_e[m + k] : 0;
   const Outcome placed = late_detail::locate_motors(robot, q_e, late);
   if (!placed && first) return placed;
   late.placed = bool(placed);
@@ -130,16 +130,16 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
         return at_next + share * (at_last - at_next);
       };
       late.since[k] = first ? 0 : late.age[k];
-      late.sample[k] = q_e[n + k];
+      late.sample[k] = q_e[m + k];
       late.then[k] = then(late.was[next][k], late.was[last][k]);
       late.before[k] = first ? late.way : late.there[k];
       for (int i = 0; i < n; ++i)
         late.there[k][i] = then(late.was_there[next][i], late.was_there[last][i]);
-      late.off[k] = within_turn(robot, n + k, late.sample[k] - late.then[k]);
+      late.off[k] = within_turn(robot, m + k, late.sample[k] - late.then[k]);
     }
     const int longest = late.settings.age[k] + kDropped * std::max(1, late.settings.every[k]);
     if (!(late.since[k] <= longest)) late.off[k] = NAN;  // until the next sample
-    late.present[k] = q_e[n + k] = late.expected[k] + late.off[k];
+    late.present[k] = q_e[m + k] = late.expected[k] + late.off[k];
   }
   late.arrived = 0;
   ++late.cycle;
@@ -160,9 +160,8 @@ Real latency_variance(const Multirate& late, int sensor, const std::array<Real, 
 
 namespace truepose {
 void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
-  const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
-    Real& sigma = known.sigma[n + k];
+    Real& sigma = known.sigma[robot.motors + k];
     if (late.is(k))
       sigma = std::sqrt(sigma * sigma + late.noise[k] +
                         late_detail::latency_variance(late, k, late.slowly[k]));

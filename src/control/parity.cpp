@@ -9,7 +9,7 @@ Reading Parity::signature(int r, int reading) const {
 }
 
 Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyond) {
-  n = dof(robot.mobility);
+  n = robot.motors;
   Closure closure;
   Reading values;
   SensorRows jr;
@@ -22,14 +22,14 @@ Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyon
   for (int k = 0; k < robot.r; ++k)
     for (int j = 0; j < n; ++j) {
       g[k][j] = 0;
-      for (int i = 0; i < n; ++i) g[k][j] += jr[k][i] * jacobians.J[i][j];
+      for (int i = 0; i < jacobians.n; ++i) g[k][j] += jr[k][i] * jacobians.J[i][j];
     }
   return {};
 }
 
 Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e,
                        const Extended& beyond) {
-  n = dof(robot.mobility);
+  n = robot.motors;
   constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
   pose = near;
   read = q_e;
@@ -42,7 +42,7 @@ Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e
     Coordinates step{};
     for (int j = 0; j < n; ++j) {
       farthest = std::max(farthest, std::fabs(error[j]));
-      for (int i = 0; i < n; ++i) step[i] += jacobians.J[i][j] * error[j];
+      for (int i = 0; i < jacobians.n; ++i) step[i] += jacobians.J[i][j] * error[j];
     }
     pose = moved(robot.mobility, pose, step);
     if (farthest < kNear) break;
@@ -52,7 +52,7 @@ Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e
     for (int j = 0; j < n; ++j) value[k] -= g[k][j] * error[j];
   }
   const bool finite =
-      all_finite(to_coordinates(robot.mobility, pose), n) && all_finite(value, robot.r);
+      all_finite(to_coordinates(robot.mobility, pose), jacobians.n) && all_finite(value, robot.r);
   return {finite ? Status::ok : Status::not_finite, -1};
 }
 

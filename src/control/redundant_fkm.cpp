@@ -11,7 +11,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
     int k = 0;
     while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
     if (k == robot.r) return {Status::not_measured};
-    pose.theta = measured(robot.sensor[k], q_e[dof(robot.mobility) + k]);
+    pose.theta = measured(robot.sensor[k], q_e[robot.motors + k]);
     pose.R = rotation_z(pose.theta);
   }
   return fkm_closed(robot, motors_of(robot, q_e), pose.R, near_side, pose.D);
@@ -29,12 +29,12 @@ Outcome find(const Robot& robot, const Knowledge& known, Real* work, const Pose&
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
                       const Parasitic& nearby, Pose& pose) {
   if (in_closed_form(robot)) return redundant_fkm(robot, q_e, near.D, pose);
-  if (robot.r == 0) return {Status::not_measured};
+  if (redundancy(robot) == 0) return {Status::not_measured};
   constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
   Knowledge alike;
   alike.sigma.fill(kSigma);
   for (int k = 0; k < robot.r; ++k)
-    alike.sigma[dof(robot.mobility) + k] = kSigma / std::sqrt(robot.sensor[k].weight);
+    alike.sigma[robot.motors + k] = kSigma / std::sqrt(robot.sensor[k].weight);
   return find(robot, alike, nullptr, near, q_e, pose, nearby);
 }
 

@@ -28,7 +28,7 @@ inline Outcome control_safely(const Robot& robot, const ControlSettings& setting
                               const Extended& q_e, ControlState& state, SafetyShell& shell,
                               SafetyCycle& cycle, const Weighing& weighing = {},
                               const Monitored& monitored = {}) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   if (!shell.follows) {  // a stopped robot starts anew; what stops it is the shell's to latch
     state = {};
     if (monitored.state) release(*monitored.state);

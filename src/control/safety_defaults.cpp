@@ -27,7 +27,7 @@ Real travel(const Chain& chain) {
 
 namespace truepose {
 Outcome default_limits(const Robot& robot, const ControlSettings& settings, SafetyLimits& limits) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), motors = robot.motors;
   safety_detail::AtHome home;
   Extended most{};
   Outcome outcome = home.find(robot);
@@ -41,7 +41,7 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
   Joint friction{};
   int window = 1;
   Real slowest = INFINITY, rest = 0;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
     const Real torque = chain.torque_limit;
@@ -73,16 +73,19 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
     rest = std::max(rest, limits.speed[i] * inertia / torque);
   }
   Coordinates size;
-  for (int i = 0; i < n; ++i) size[i] = home.inertia[i][i];
-  const Ldlt factor(n, home.inertia, size);
-  for (int j = 0; j < n && shaped; ++j) {  // one motor's friction moves the others, too
-    Coordinates error{};
-    error[j] = friction[j] / home.model.slope[j];
-    factor.solve(error);
-    for (int i = 0; i < n; ++i) limits.rests[i] += std::fabs(error[i] / settings.kp[i]);
+  for (int l = 0; l < n; ++l) size[l] = home.model.mass[l][l];
+  const Ldlt factor(n, home.model.mass, size);
+  for (int j = 0; j < motors && shaped; ++j) {  // one motor's friction moves the others, too
+    Coordinates motion;
+    for (int l = 0; l < n; ++l) motion[l] = home.model.k[j][l] * friction[j];
+    factor.solve(motion);
+    for (int i = 0; i < motors; ++i) {
+      const Real error = sum_of(n, [&](int l) { return home.model.k[i][l] * motion[l]; });
+      limits.rests[i] += std::fabs(home.model.slope[i] * error / settings.kp[i]);
+    }
   }
-  for (int i = 0; i < n; ++i) {
-    const Real answer = sum_of(n, [&](int j) {
+  for (int i = 0; i < motors; ++i) {
+    const Real answer = sum_of(motors, [&](int j) {
       if (j != i && !shaped) return Real{0};
       return std::fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
              (limits.kp[j] + limits.kd[j] * settings.velocity_bandwidth);
@@ -95,7 +98,7 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
   limits.age = std::clamp(static_cast<int>(kReaction / settings.period), 1, 2);
   limits.saturation = std::max(5 / slowest, settings.period);
   limits.standstill = std::max(rest, settings.period);
-  return consistent(limits, n, n);
+  return consistent(limits, motors, n);
 }
 }  // namespace truepose
 
@@ -110,7 +113,7 @@ Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimit
       size += d[j] * d[j];
     }
     if (size == 0) continue;
-    for (int i = 0; i < dof(robot.mobility); ++i) {
+    for (int i = 0; i < robot.motors; ++i) {
       Real rate = 0;
       for (int j = 0; j < positions_of(robot.mobility); ++j) rate += model.k[i][j] * d[j];
       most = std::max(most, std::fabs(rate) / limits.still[i] / std::sqrt(size));
@@ -132,7 +135,7 @@ Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool m
   for (int j = 0; j < positions_of(robot.mobility); ++j)  // Gershgorin
     mass = std::max(mass, sum_of(positions_of(robot.mobility),
                                  [&](int l) { return std::fabs(home.model.mass[j][l]); }));
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     per_work = std::max(per_work, home.lever(i) / limits.torque[i]);
     kp = std::max(kp, limits.kp[i]);
     kd = std::max(kd, limits.kd[i]);
@@ -166,12 +169,14 @@ Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathN
                                setpoint.acceleration, torque);
   if (!outcome) return outcome;
   const Joint rate = jacobians.joint_rate(setpoint.rate);
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     needs.speed[i] = std::max(needs.speed[i], std::fabs(rate[i]));
     needs.torque[i] = std::max(needs.torque[i], std::fabs(torque[i]));
     if (needs.begun)
       needs.slew[i] = std::max(needs.slew[i], std::fabs(torque[i] - needs.last[i]) / period);
     needs.last[i] = torque[i];
+  }
+  for (int i = 0; i < dof(robot.mobility); ++i) {
     needs.low[i] = needs.begun ? std::min(needs.low[i], setpoint.x[i]) : setpoint.x[i];
     needs.high[i] = needs.begun ? std::max(needs.high[i], setpoint.x[i]) : setpoint.x[i];
   }
@@ -181,12 +186,14 @@ Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathN
 
 Outcome contradiction(const Robot& robot, const SafetyLimits& limits, const PathNeeds& needs) {
   const int n = dof(robot.mobility);
-  const Outcome own = consistent(limits, n, n);
+  const Outcome own = consistent(limits, robot.motors, n);
   if (!own) return own;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     if (!(needs.speed[i] <= limits.speed[i] && needs.torque[i] <= limits.torque[i] &&
           needs.slew[i] <= limits.slew[i]))
       return {Status::no_such_value, i};
+  }
+  for (int i = 0; i < n; ++i) {
     const bool boxed = limits.box_low[i] < limits.box_high[i];
     if (boxed && !(needs.low[i] >= limits.box_low[i] && needs.high[i] <= limits.box_high[i]))
       return {Status::no_such_value, -1};

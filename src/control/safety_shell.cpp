@@ -47,9 +47,10 @@ void hold_time(bool holds, Real period, Real& time) {
   time = std::max(time + (holds ? period : -period), Real{0});
 }
 
-/// The steps of one cycle of a robot with n motors: frame, readings, law, machine, torques.
+/// The steps of one cycle of a robot with n motors and so many freedoms: frame, readings, law,
+/// machine, torques.
 struct Step {
-  int n;
+  int n, freedoms;
   const SafetyLimits& limits;
   const SafetyCycle& cycle;
   SafetyShell& shell;
@@ -196,7 +197,7 @@ struct Step {
   }
 
   void check_law() {
-    found.add(!closed() && !consistent(limits, n, n), StopCause::contradictory_limits);
+    found.add(!closed() && !consistent(limits, n, freedoms), StopCause::contradictory_limits);
     found.add(!cycle.known, StopCause::unknown_pose);
     found.add(cycle.lost, StopCause::suspected_motor);
     found.add(cycle.disagree, StopCause::readings_disagree);
@@ -206,11 +207,10 @@ struct Step {
       return;
     }
     shell.unanswered = 0;
-    found.add(first([&](int j) {
-                const Real x = cycle.x[j], low = limits.box_low[j], high = limits.box_high[j];
-                return low < high && !(x >= low && x <= high);
-              }) < n,
-              StopCause::workspace);
+    for (int j = 0; j < freedoms; ++j) {
+      const Real x = cycle.x[j], low = limits.box_low[j], high = limits.box_high[j];
+      found.add(low < high && !(x >= low && x <= high), StopCause::workspace);
+    }
     flag(StopCause::tracking_error,
          [&](int i) { return !(std::fabs(cycle.error[i]) <= limits.tracking[i]); });
     if (fresh)
@@ -333,8 +333,8 @@ struct Step {
 
 void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cycle,
            SafetyShell& shell) {
-  const int n = dof(robot.mobility);
-  Step step{n, limits, cycle, shell};
+  const int n = robot.motors;
+  Step step{n, dof(robot.mobility), limits, cycle, shell};
   ++shell.cycle;
   step.check_frame();
   step.check_stuck();

@@ -3,7 +3,7 @@
 
 namespace truepose::start_detail {
 bool same_unit(const Robot& robot, int a, int b) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   const auto turns = [&](int c) {
     return c < n ? robot.chain[c].actuator == Actuator::revolute
                  : properties(robot.sensor[c - n].kind).unit == Unit::radian;
@@ -92,7 +92,7 @@ Real misfit(const StartEvidence& evidence, int n, int e, const StartHypothesis& 
 
 StartHypothesis verdict(const StartTest& test, const Robot& robot, Real most,
                         std::uint32_t& candidates) {
-  const int n = dof(robot.mobility), e = n + robot.r;
+  const int n = robot.motors, e = n + robot.r;
   const auto fits = [&](const StartHypothesis& by) {
     if (by.kind == StartFinding::exchanged) return same_unit(robot, by.a, by.b);
     return by.a < n || by.kind == StartFinding::scale;

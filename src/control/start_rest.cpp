@@ -4,7 +4,7 @@
 namespace truepose::start_detail {
 Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& weighing,
                 const Extended& q_e, Pose& pose, int& outside) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   const int e = n + robot.r;
   for (int c = 0; c < n; ++c)
     if (limits.low[c] < limits.high[c] && !(q_e[c] >= limits.low[c] && q_e[c] <= limits.high[c])) {

@@ -71,9 +71,10 @@ class StartCycle {
 
   /// Whether the test may go on: limits, pose, and numbers.
   bool check(bool known) {
-    const bool sound = robot_.finished && consistent(limits_, n, n) && settings_.motion > 0 &&
-                       settings_.pulse > 0 && settings_.inertia >= 1 && settings_.weight >= 0 &&
-                       settings_.radius >= 0 && settings_.pairs >= 0 && settings_.settle >= 0;
+    const bool sound = robot_.finished && !overdriven(robot_) && consistent(limits_, n, n) &&
+                       settings_.motion > 0 && settings_.pulse > 0 && settings_.inertia >= 1 &&
+                       settings_.weight >= 0 && settings_.radius >= 0 && settings_.pairs >= 0 &&
+                       settings_.settle >= 0;
     if (!sound) return fail(StartFinding::contradictory_limits), false;
     if (!known) return fail(StartFinding::unknown_pose), false;
     bool numbers = true;
@@ -428,7 +429,7 @@ class StartCycle {
   }
 
   const Robot& robot_;
-  const int n = dof(robot_.mobility);
+  const int n = robot_.motors;
   const StartSettings& settings_;
   const SafetyLimits& limits_;
   const Extended& q_e_;

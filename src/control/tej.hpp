@@ -10,8 +10,11 @@ using ExtendedRows = Matrix<kMaxMotors, kMaxReadings>;     ///< M⁺
 
 /// M = [I; J_r J], Δq_e = M Δq, and its weighted pseudo-inverse TEJ = M⁺ = (MᵀWM)⁻¹MᵀW.
 /// W is 1 for motors and the sensor's weight (1 in the paper) for redundant rows.
-/// Built by recursive least squares, which keeps M⁺M = I to rounding for any weight: M⁺ starts
-/// as [I], whose motor columns are C = (MᵀWM)⁻¹, and each sensor, g its row of J_r J, adds
+/// With more motors than freedoms K J, the motor motions that a platform motion allows (a
+/// projection of rank n), replaces I: M = H_x J, M⁺ = K (H_xᵀWH_x)⁻¹H_xᵀW, so that every corrected
+/// motor error is consistent. Built by recursive least squares, which keeps M⁺M = I (K J) to
+/// rounding for any weight: M⁺ starts as [K J], whose motor columns are C = K (H_xᵀWH_x)⁻¹Kᵀ, and
+/// each sensor, g its row of J_r J, adds
 ///
 ///     k = C gᵀ w / (1 + w g C gᵀ),     M⁺ ← [M⁺ - k (g M⁺), k]
 void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, ExtendedColumns& M,
@@ -32,8 +35,8 @@ inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
   if (!outcome) return outcome;
   tej(robot, jacobians, jr, M, M_plus);
   Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
-  for (int c = dof(robot.mobility); c < dof(robot.mobility) + robot.r; ++c)
-    for (int i = 0; i < dof(robot.mobility); ++i) sum += M[c][i] + M_plus[i][c];
+  for (int c = robot.motors; c < readings(robot); ++c)
+    for (int i = 0; i < robot.motors; ++i) sum += M[c][i] + M_plus[i][c];
   return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
 }
 }  // namespace truepose

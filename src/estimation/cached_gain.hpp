@@ -57,7 +57,8 @@ inline constexpr Real kFaster = 4;
 /// words. (Of S the diagonal: no sample and no other prior leaves that as it was.)
 std::uint64_t fingerprint(const Robot& robot, const Knowledge& known);
 
-/// Generalised least squares at a pose, with cached weights.
+/// Generalised least squares at a pose, with cached weights. For as many motors as freedoms: with
+/// more, laws compute the weights in every cycle.
 struct CachedFusion {
   int n;
   Square J;                               ///< H_q⁻¹
@@ -76,7 +77,7 @@ struct CachedFusion {
       for (int i = 0; i < n; ++i) H_q[i][j] = H_x[i][j];
       size[j] = sum_of(n, [&](int i) { return H_q[i][j] * H_q[i][j]; });
     }
-    if (!invert(n, H_q, size, 0, J)) return false;
+    if (!invert(n, n, H_q, size, 0, J)) return false;
     for (int k = 0; k < robot.r; ++k)
       for (int j = 0; j < n; ++j)
         g[k][j] = sum_of(n, [&](int i) { return H_x[n + k][i] * J[i][j]; });

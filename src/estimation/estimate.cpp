@@ -20,7 +20,7 @@ Real dot(int size, const Real* a, const Real* b) {
 
 Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
                            ReadingCovariance& C) {
-  const int rows = dof(robot.mobility) + robot.r;
+  const int rows = readings(robot);
   times_root(known, rows, B);
   bool positive = true;
   for (int i = 0; i < rows; ++i) {
@@ -32,9 +32,9 @@ Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
 }
 
 Real within_turn(const Robot& robot, int reading, Real difference) {
-  const int n = dof(robot.mobility);
-  if (reading < n) return within_turn(robot.chain[reading], difference);
-  const Sensor& sensor = robot.sensor[reading - n];
+  const int m = robot.motors;
+  if (reading < m) return within_turn(robot.chain[reading], difference);
+  const Sensor& sensor = robot.sensor[reading - m];
   return properties(sensor.kind).wraps
              ? without_turns(difference, 2 * std::numbers::pi_v<Real> * sensor.gain)
              : difference;
@@ -43,7 +43,7 @@ Real within_turn(const Robot& robot, int reading, Real difference) {
 Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
              const PoseRows& H_x, Fusion& fusion) {
   const int n = dof(robot.mobility);
-  const int rows = n + robot.r;
+  const int rows = readings(robot);
   PoseRows A = H_x;
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < n; ++j) A[i][j] /= known.sigma[i];
@@ -113,8 +113,8 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
 
 void weighted_tej(const Robot& robot, const PoseRows& H_x, const Fusion& fusion,
                   ExtendedRows& M_plus) {
-  for (int i = 0; i < dof(robot.mobility); ++i)
-    for (int c = 0; c < dof(robot.mobility) + robot.r; ++c)
+  for (int i = 0; i < robot.motors; ++i)
+    for (int c = 0; c < readings(robot); ++c)
       M_plus[i][c] =
           sum_of(dof(robot.mobility), [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
 }

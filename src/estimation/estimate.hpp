@@ -37,7 +37,7 @@ bool is_last(Real size, Real last, Real chi2, int rows);
 
 /// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
-  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count);
+  return readings(robot) * (parameter_count(robot) + count);
 }
 
 /// Lower triangular L with C = L Lᵀ, in units of the readings' σ.
@@ -82,7 +82,7 @@ struct ReadingCovariance {
 /// aᵀb in four independent sums, for speed.
 Real dot(int size, const Real* a, const Real* b);
 
-/// C of gathered rows of H_ξ. @param B  those rows, (n + r)×count; overwritten
+/// C of gathered rows of H_ξ. @param B  those rows, (m + r)×count; overwritten
 /// @return not_finite where C is no covariance: some σ is not a positive number
 Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
                            ReadingCovariance& C);
@@ -90,7 +90,7 @@ Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
 /// The same at a pose, from its H_ξ. @param B  work space
 inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi,
                                   Real* B, ReadingCovariance& C) {
-  gather(robot, known, H_xi, dof(robot.mobility) + robot.r, B);
+  gather(robot, known, H_xi, readings(robot), B);
   return reading_covariance(robot, known, B, C);
 }
 
@@ -101,7 +101,7 @@ Real within_turn(const Robot& robot, int reading, Real difference);
 /// Readings minus expected ones, without whole turns of a joint.
 inline void innovation(const Robot& robot, const Extended& q_e, const Extended& expected,
                        Extended& residual) {
-  for (int i = 0; i < dof(robot.mobility) + robot.r; ++i)
+  for (int i = 0; i < readings(robot); ++i)
     residual[i] = within_turn(robot, i, q_e[i] - expected[i]);
 }
 
@@ -120,7 +120,7 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
 struct Estimate {
   Outcome outcome;
   int iterations = 0;
-  Real chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
+  Real chi2 = 0;  ///< of the readings' residuals; m - n + r on average where the knowledge is right
   PoseMatrix covariance{};  ///< of the free twist at the pose
   explicit operator bool() const { return bool(outcome); }
 };
@@ -140,7 +140,7 @@ struct Search {
   Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
 
   Search(const Robot& of, const Knowledge& about, const Pose& start)
-      : robot(of), known(about), n(dof(of.mobility)), rows(n + of.r), at(start) {}
+      : robot(of), known(about), n(dof(of.mobility)), rows(readings(of)), at(start) {}
 
   /// χ² of a difference of readings.
   Real chi2(Extended difference) const {
@@ -220,7 +220,7 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
 inline Estimate estimate(Level level, const Robot& robot, const Knowledge& known,
                          const Extended& q_e, Pose& pose, Real* work, Parasitic* rest = nullptr) {
   if (!robot.finished) return {{Status::unfinished, -1}};
-  if (!all_finite(q_e, dof(robot.mobility) + robot.r)) return {{Status::not_finite, -1}};
+  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite, -1}};
   Pose at = pose;
   Parasitic own;
   if (!rest) rest = &own;

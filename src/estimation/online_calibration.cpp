@@ -60,7 +60,7 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
                    const Extended& q_e, const OnlineState& state, const Pose& guess, int without,
                    const Work& work, Line& line) {
   const int n = dof(robot.mobility);
-  const int rows = n + robot.r, p = state.count;
+  const int rows = readings(robot), p = state.count;
   const Knowledge known{p, state.column, state.root, state.sigma};
   const Joint q = motors_of(robot, q_e);
   Parasitic rest;
@@ -98,7 +98,7 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
     line.pose = moved(robot.mobility, line.pose, step);
   }
   const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + rows);
-  return innovate(settings, state, robot.r, e.data() + n, kCurvature * coarsest, work,
+  return innovate(settings, state, rows - n, e.data() + n, kCurvature * coarsest, work,
                   line.innovations);
 }
 
@@ -150,7 +150,7 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
                 const Extended& q_e, OnlineState& state, Robot& robot, Pose& pose, Real* memory) {
   const int n = dof(robot.mobility);
   if (!drawn.finished) return {Status::unfinished, -1};
-  const int r = drawn.r, rows = n + r, p = state.count;
+  const int r = redundancy(drawn), rows = readings(drawn), p = state.count;
   if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
   const online_detail::Work work(drawn, p, memory);
   ResidualTest& doubt = state.doubt;

@@ -40,7 +40,7 @@ inline constexpr Real kCurvature = 12;
 
 /// Numbers of work space for `observe`.
 inline int online_work(const Robot& robot, int count) {
-  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + count;
+  return readings(robot) * (parameter_count(robot) + count) + count;
 }
 
 /// Numbers of memory for OnlineState::kept: ξ̂ and S.
@@ -66,9 +66,9 @@ struct Work {
   Real *H_xi, *B, *F, *b;
   Work(const Robot& robot, int count, Real* work)
       : H_xi(work),
-        B(H_xi + (dof(robot.mobility) + robot.r) * parameter_count(robot)),
+        B(H_xi + readings(robot) * parameter_count(robot)),
         F(B + dof(robot.mobility) * count),
-        b(F + robot.r * count) {}
+        b(F + redundancy(robot) * count) {}
 };
 
 /// Makes the rows F of r equations independent, with their right sides e.
@@ -77,7 +77,7 @@ struct Work {
 Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r, const Real* e,
                  Real curvature, const Work& work, Innovations& made);
 
-/// r independent equations about ξ, by linearising about a pose of all readings.
+/// m + r - n independent equations about ξ, by linearising about a pose of all readings.
 /// @param without  excluded reading, or -1
 Outcome understand(Level level, const Robot& robot, const OnlineSettings& settings,
                    const Extended& q_e, const OnlineState& state, const Pose& guess, int without,

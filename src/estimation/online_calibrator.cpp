@@ -4,7 +4,7 @@
 namespace truepose {
 Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended& q_e) {
   if (!learner.drawn->finished) return {Status::unfinished, -1};
-  const int rows = dof(learner.drawn->mobility) + learner.drawn->r;
+  const int rows = readings(*learner.drawn);
   bool news = learner.lines + learner.left_out == 0;
   for (int c = 0; c < rows; ++c)
     news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * learner.state.sigma[c];

@@ -31,7 +31,7 @@ bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& by) {
   if (!eliminate(n, rows, A, unit.data(), rows, none)) return false;
   for (int c = 0; c < rows; ++c) {
     Real score = 0, information = 0;
-    std::array<Real, kMaxSensors> g;
+    std::array<Real, kMaxReadings> g;
     for (int i = 0; i < line.r; ++i) {
       g[i] = unit[(n + i) * rows + c];
       for (int k = 0; k < i; ++k) g[i] -= line.L[i][k] * g[k];

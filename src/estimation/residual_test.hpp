@@ -1,11 +1,12 @@
 // Residual tests of one row of readings: contradiction, its isolation, its duration.
 //
-// Eliminating the pose leaves r equations F ζ = y: ζ has unit variance (δξ = S ζ), each equation
-// noise. Testing them together detects an error in any mixture of them: yᵀ(R + F Fᵀ)⁻¹y is χ² with
-// r degrees of freedom. An unknown error b of one reading adds b g to y, g its column of the same
-// equations: allowing for it lowers χ² by (gᵀC⁻¹y)²/(gᵀC⁻¹g) (the generalised likelihood ratio). No
-// single row shows a small persistent fault: Page's CUSUM adds up how much likelier the rows are
-// with twice the stated errors than with these (Page, Continuous Inspection Schemes, 1954).
+// Eliminating the pose leaves r equations (with m > n motors m - n + r) F ζ = y: ζ has unit
+// variance (δξ = S ζ), each equation noise. Testing them together detects an error in any mixture
+// of them: yᵀ(R + F Fᵀ)⁻¹y is χ² with r degrees of freedom. An unknown error b of one reading adds
+// b g to y, g its column of the same equations: allowing for it lowers χ² by (gᵀC⁻¹y)²/(gᵀC⁻¹g)
+// (the generalised likelihood ratio). No single row shows a small persistent fault: Page's CUSUM
+// adds up how much likelier the rows are with twice the stated errors than with these (Page,
+// Continuous Inspection Schemes, 1954).
 #pragma once
 
 #include "math/eliminate.hpp"
@@ -39,9 +40,9 @@ inline Real beyond(Real gate, int count) {
 /// r equations, each made independent of those before.
 struct Innovations {
   int r = 0;
-  Matrix<kMaxSensors, kMaxSensors> L;          ///< coefficients on the equations before
-  std::array<Real, kMaxSensors> y;             ///< independent
-  std::array<Real, kMaxSensors> noise, total;  ///< their variances: own; with the parameters'
+  Matrix<kMaxReadings, kMaxReadings> L;         ///< coefficients on the equations before
+  std::array<Real, kMaxReadings> y;             ///< independent
+  std::array<Real, kMaxReadings> noise, total;  ///< their variances: own; with the parameters'
 
   Real chi2() const {
     return sum_of(r, [&](int i) { return y[i] * y[i] / total[i]; });

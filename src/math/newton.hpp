@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "math/real.hpp"
@@ -32,9 +33,11 @@ struct NewtonEnd {
 /// @param most     maximum iterations
 /// @param factor   factor(state, damping): factors of the step's equations, with regular()
 /// @param step     step(state, factors, after): computes the state after the step
+/// @param settled  share of the cost by which an undamped step must change it, or it is the last:
+/// where more equations than unknowns leave a cost. 0: none is
 template <class State, class Factor, class Step>
 inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int most,
-                               Factor&& factor, Step&& step) {
+                               Factor&& factor, Step&& step, Real settled = 0) {
   const Real rounding = kRounding * scale;
   NewtonEnd end;
   do {
@@ -50,6 +53,11 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int m
     do {
       ++end.iterations;
       step(*current, factors, *trial);
+      if (settled > 0 && end.damping == 0 &&
+          std::fabs(trial->cost - current->cost) < settled * current->cost) {
+        if (trial->cost < current->cost) std::swap(current, trial);
+        return end;
+      }
       if (!(trial->cost < current->cost)) {
         end.damping = std::max(10 * end.damping, 1e-3);
         break;

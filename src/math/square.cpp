@@ -104,12 +104,23 @@ Inverted by_elimination(int size_of, const Square& a, const Unknowns& size, Squa
 }
 }  // namespace
 
-Inverted invert(int n, const Square& a, const Unknowns& size, Real damping, Square& inverse) {
-  if (damping > 0) {
-    const NormalEquations normal(n, a, size, damping);
-    for (int j = 0; j < n; ++j) {
+Inverted invert(int rows, int n, const Square& a, const Unknowns& size, Real damping,
+                Square& inverse) {
+  if (damping > 0 || rows > n) {
+    const NormalEquations normal(rows, n, a, size, damping);
+    for (int j = 0; j < rows; ++j) {
       const Unknowns column = normal.column(j, 1);
       for (int i = 0; i < n; ++i) inverse[i][j] = column[i];
+    }
+    if (damping > 0) return {normal.regular(), 0};
+    // A⁺ ← (2 - A⁺A) A⁺: AᵀA has the square of A's condition number, this error has not.
+    const Square first = inverse;
+    for (int i = 0; i < n; ++i) {
+      std::array<Real, kMaxUnknowns> left;
+      for (int l = 0; l < n; ++l)
+        left[l] = (i == l ? 2 : 0) - sum_of(rows, [&](int k) { return first[i][k] * a[k][l]; });
+      for (int j = 0; j < rows; ++j)
+        inverse[i][j] = sum_of(n, [&](int l) { return left[l] * first[l][j]; });
     }
     return {normal.regular(), 0};
   }
@@ -125,6 +136,6 @@ Inverted invert(int n, const Square& a, const Unknowns& size, Real damping, Squa
 
 int determinant_sign(int n, const Square& a) {
   Square inverse;
-  return invert(n, a, {}, 0, inverse).sign;
+  return invert(n, n, a, {}, 0, inverse).sign;
 }
 }  // namespace truepose

@@ -59,17 +59,17 @@ int carrier(const Robot& robot, int i, Builder builder, const Built& built) {
 }  // namespace
 
 void build(const Robot& robot, Layout layout, Built& built) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), motors = robot.motors;
   built.layout = layout;
   built.rods_per_chain = layout == Layout::ideal ? 1 : 2;
   engine::Mechanism& m = built.mechanism;
   Builder builder{m};
   m.bodies = m.closures = 0;
-  m.motors = m.freedoms = n;
+  m.motors = m.freedoms = motors;
   m.coordinates = layout == Layout::free ? 6 : n;
   m.elastic = layout == Layout::full && robot.full.kind == FullKind::elastic;
   m.sign = layout == Layout::full ? robot.full.sign : robot.assembly_sign;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     const Chain& chain = robot.chain[i];
     const engine::Kind kind =
         chain.actuator == Actuator::revolute ? engine::Kind::hinge : engine::Kind::slide;
@@ -78,7 +78,7 @@ void build(const Robot& robot, Layout layout, Built& built) {
   }
   carry_platform(robot, builder, built);
   built.turn = m.freedoms;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     const Chain& chain = robot.chain[i];
     const bool leg = chain.actuator == Actuator::telescopic;
     const int bar = built.bar[i] = carrier(robot, i, builder, built);

@@ -10,8 +10,9 @@ constexpr Unknowns ones() {
 }
 }  // namespace
 
-Conditioning::Conditioning(const Closure& closure) : n_(closure.carried.n) {
-  unit_ = jx_rows(closure.carried, lines_, [&](int i) {
+Conditioning::Conditioning(const Closure& closure)
+    : n_(closure.carried.n), motors_(closure.motors) {
+  unit_ = jx_rows(closure.carried, motors_, lines_, [&](int i) {
     const ChainState& chain = closure.chain[i];
     length_[i] = chain.v.norm();
     // A telescopic leg always drives along itself.
@@ -22,30 +23,50 @@ Conditioning::Conditioning(const Closure& closure) : n_(closure.carried.n) {
   });
   for (int j = 0; j < n_; ++j) {
     unit_[j] = std::sqrt(unit_[j]);
-    for (int i = 0; i < n_; ++i) {
+    for (int i = 0; i < motors_; ++i) {
       lines_[i][j] *= 1 / unit_[j];
       square_ += lines_[i][j] * lines_[i][j];
     }
   }
   Square rows;
-  inverse_ = invert(n_, lines_, ones(), 0, rows);
+  inverse_ = invert(motors_, n_, lines_, ones(), 0, rows);
   Real inverse2 = 0;
   for (int i = 0; i < n_; ++i)
-    for (int j = 0; j < n_; ++j) inverse2 += rows[i][j] * rows[i][j];
+    for (int j = 0; j < motors_; ++j) inverse2 += rows[i][j] * rows[i][j];
   parallel_ = inverse_ ? n_ / std::sqrt(square_ * inverse2) : 0;
 }
 
 Outcome Conditioning::outcome() const {
-  for (int i = 0; i < n_; ++i)
+  for (int i = 0; i < motors_; ++i)
     if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
   return {inverse_ ? Status::ok : Status::singular, -1};
 }
 
 bool Conditioning::damped(const Closure& closure, Real band, Square& J) const {
-  const Real part = damping(parallel_, band) * square_ / (n_ * n_);
-  const NormalEquations equations(n_, lines_, ones(), part);
-  for (int j = 0; j < n_; ++j) {
-    const Unknowns column = equations.column(j, closure.chain[j].jq / length_[j]);
+  Square rows = lines_;
+  Joint scale;  // J_q in units of the rows
+  Real square = square_;
+  for (int i = 0; i < motors_; ++i) scale[i] = closure.chain[i].jq / length_[i];
+  if (motors_ > n_) {
+    square = 0;
+    Joint weight;
+    Real most = 0;
+    for (int i = 0; i < motors_; ++i) {
+      weight[i] = std::fabs(length_[i] / divisor(i, closure.chain[i].jq, band));
+      most = std::max(most, weight[i]);
+    }
+    for (int i = 0; i < motors_; ++i) {
+      scale[i] = std::copysign(1 / most, closure.chain[i].jq);
+      for (int j = 0; j < n_; ++j) {
+        rows[i][j] *= weight[i] / most;
+        square += rows[i][j] * rows[i][j];
+      }
+    }
+  }
+  const Real part = damping(parallel_, band) * square / (n_ * n_);
+  const NormalEquations equations(motors_, n_, rows, ones(), part);
+  for (int j = 0; j < motors_; ++j) {
+    const Unknowns column = equations.column(j, scale[j]);
     for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
   }
   return equations.regular();
@@ -57,11 +78,12 @@ Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians) {
   const Conditioning conditioning(closure);
   const bool dependent = conditioning.parallel() < band;
   Outcome outcome{Status::ok, -1};
-  if (dependent || !exact) {
+  const bool weighted = closure.motors > jacobians.n && conditioning.least() < band;
+  if (dependent || weighted || !exact) {
     if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular, -1};
     outcome.status = Status::near_singular;
   }
-  for (int i = 0; i < jacobians.n; ++i) {
+  for (int i = 0; i < jacobians.motors; ++i) {
     if (!(conditioning.serial(i) < band)) continue;
     closure.chain[i].jq = jacobians.jq[i] = conditioning.divisor(i, jacobians.jq[i], band);
     if (outcome.chain < 0 && !dependent) outcome = {Status::near_singular, i};
@@ -75,7 +97,7 @@ Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel, J
   if (!outcome) return outcome;
   const Conditioning at(closure);
   parallel = at.parallel();
-  for (int i = 0; i < closure.carried.n; ++i) serial[i] = at.serial(i);
-  return {all_finite(serial, closure.carried.n) ? Status::ok : Status::not_finite, -1};
+  for (int i = 0; i < closure.motors; ++i) serial[i] = at.serial(i);
+  return {all_finite(serial, closure.motors) ? Status::ok : Status::not_finite, -1};
 }
 }  // namespace truepose

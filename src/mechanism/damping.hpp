@@ -25,14 +25,15 @@ class Conditioning {
   Real serial(int i) const { return serial_[i]; }
   /// The smallest conditioning of both types.
   Real least() const {
-    return std::min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + n_));
+    return std::min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + motors_));
   }
   /// The status that jacobian() would return.
   Outcome outcome() const;
-  /// The sign of det J_x.
+  /// The sign of det J_x (0: not square).
   int sign() const { return inverse_.sign; }
 
-  /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, rescaled to SI units.
+  /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, rescaled to SI units. With more motors than
+  /// freedoms, rows of K replace those of A, and divisors the entries of J_q in it.
   bool damped(const Closure& closure, Real band, Square& J) const;
 
   /// Divisor of J⁻¹ in place of the entry s of J_q: s + λ²/s, so that 1/s becomes s/(s² + λ²).
@@ -42,8 +43,8 @@ class Conditioning {
   }
 
  private:
-  int n_;
-  Square lines_;  ///< A
+  int n_, motors_;
+  Square lines_;  ///< A, m×n
   Unknowns unit_;
   Joint length_, speed_, serial_;
   Real square_ = 0, parallel_;  // |A|²

@@ -2,13 +2,45 @@
 #include "mechanism/fkm.hpp"
 
 namespace truepose {
+namespace {
+/// Gauss-Newton steps from nearly closed loops to the least squares of the motors' readings: the
+/// gap f of a loop is that of its reading times J_q. @param end  in, out: steps so far, rank
+/// @return whether they converged
+bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, int most, Loops& at,
+            NewtonEnd& end) {
+  const int n = at.carried.n, m = robot.motors;
+  Real moves = INFINITY;
+  while (end.iterations < most && end.regular && moves > kNothingToGain) {
+    ++end.iterations;
+    Joint jq, gap;
+    for (int i = 0; i < m; ++i) {
+      jq[i] = jq_entry(robot.chain[i], at.v[i], driven[i]);
+      gap[i] = at.f[i] / jq[i];
+    }
+    Square K;
+    const Unknowns size = jx_rows(
+        at.carried, m, K, [&](int i) { return std::pair((1 / jq[i]) * at.v[i], at.lever[i]); });
+    const NormalEquations equations(m, n, K, size);
+    end.regular = equations.regular();
+    if (!end.regular) return false;
+    const Unknowns step = equations.solve(gap);
+    Coordinates motion{};
+    std::copy_n(step.begin(), n, motion.begin());
+    moves = 0;
+    for (int j = 0; j < n; ++j) moves = std::max(moves, std::fabs(motion[j]));
+    at.place(robot, driven, moved(robot.mobility, at.pose, motion));
+  }
+  return moves < kChord;
+}
+}  // namespace
+
 FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   if (!robot.finished) return {{Status::unfinished, -1}};
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   FkmResult result;
-  std::array<Driven, kMaxChains> driven;
+  std::array<Driven, kMaxMotors> driven;
   Real scale = 0;  // the longest rod
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     driven[i] = driven_point(robot.chain[i], q[i]);
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
     if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
@@ -23,20 +55,24 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
     bool regular() const { return Inverted::regular; }
   };
   Square jx;
-  const NewtonEnd end = damped_newton(
+  NewtonEnd end = damped_newton(
       current, trial, scale, most,
       [&](const Loops& at, Real damping) {
         Inverse inverse;
-        const Unknowns size = at.jx(jx);
-        static_cast<Inverted&>(inverse) = invert(n, jx, size, damping, inverse.rows);
+        const Unknowns size = at.jx(m, jx);
+        static_cast<Inverted&>(inverse) = invert(m, n, jx, size, damping, inverse.rows);
         return inverse;
       },
       [&](const Loops& at, const Inverse& inverse, Loops& after) {
         Coordinates motion;
         for (int j = 0; j < n; ++j)
-          motion[j] = sum_of(n, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
+          motion[j] = sum_of(m, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
         after.place(robot, driven, moved(robot.mobility, at.pose, motion));
-      });
+      },
+      m > n ? kSettled : 0);
+  const Real closed = scale * (m > n ? kDisagreement : kClosed);
+  const bool open = current->residual > kClosed * scale && current->residual < closed;
+  const bool settled = !open || settle(robot, driven, most, *current, end);
   result.iterations = end.iterations;
 
   if (turns_about_z(robot.mobility)) {
@@ -44,12 +80,12 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
     if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
   }
   result.residual = current->residual;
-  if (!(current->residual < kClosed * scale)) {
+  if (!(settled && current->residual < closed)) {
     result.status = Status::not_converged;
   } else if (!end.regular) {
     result.status = Status::singular;
   } else {
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < m; ++i) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
           jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
@@ -57,8 +93,8 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
         result.chain = i;
       }
     }
-    current->jx(jx);
-    if (other_mode(robot.assembly_sign, determinant_sign(n, jx)))
+    current->jx(m, jx);
+    if (m == n && other_mode(robot.assembly_sign, determinant_sign(n, jx)))
       result.status = Status::branch_lost;
   }
   pose = current->pose;
@@ -66,15 +102,14 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
 }
 
 namespace fkm_detail {
-bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxDof>& driven) {
-  const int n = dof(robot.mobility);
+bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxMotors>& driven) {
   const bool turns = turns_about_z(robot.mobility) || robot.mobility >= Mobility::spatial;
   if (robot.mobility == Mobility::translation) {
     Vec3 D;
     const Vec3 side = to_pose(robot.mobility, robot.home).D;
     return fkm_closed(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < robot.motors; ++i)
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
       const Driven &from = driven[i], &to = driven[j];
@@ -89,16 +124,17 @@ bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxDo
   return false;
 }
 
-bool crawled(const Robot& robot, const std::array<Driven, kMaxDof>& driven, const Pose& pose,
+bool crawled(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, const Pose& pose,
              Real residual) {
   Real scale = 0;
   for (int i = 0; i < robot.chains; ++i) scale = std::max(scale, driven[i].rod);
   if (!(residual < kCrawls * scale)) return false;
   Closure closure;
   closure.pose = pose;
+  closure.motors = robot.motors;
   carry(robot, pose, closure.carried);
   const Pose& placed = closure.placed();
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     ChainState& state = closure.chain[i];
     state.lever = placed.R * chain.pivot;
@@ -123,9 +159,8 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
   if (!went) return first;  // no start has a pose for such an input
   if (first.status == Status::branch_lost && !own_mode(robot, guess)) return first;
   const bool open = first.status == Status::not_converged;
-  std::array<Driven, kMaxDof> driven;
-  for (int i = 0; i < dof(robot.mobility) && open; ++i)
-    driven[i] = driven_point(robot.chain[i], q[i]);
+  std::array<Driven, kMaxMotors> driven;
+  for (int i = 0; i < robot.motors && open; ++i) driven[i] = driven_point(robot.chain[i], q[i]);
   if (open && no_pose(robot, q, driven)) {
     first.status = Status::unreachable;
     return first;
@@ -140,7 +175,7 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
   while (second && stage < kFkmStages && left > 0) {
     ++stage;
     Joint motors{};
-    for (int i = 0; i < dof(robot.mobility); ++i) {
+    for (int i = 0; i < robot.motors; ++i) {
       const Real way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
       motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
     }

@@ -5,33 +5,33 @@ namespace truepose {
 Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3& near_side,
                    Vec3& D) {
   if (!robot.finished) return {Status::unfinished, -1};
-  const int n = dof(robot.mobility);
-  std::array<Vec3, kMaxDof> t;
-  Coordinates g;
+  const int m = robot.motors;
+  std::array<Vec3, kMaxMotors> t;
+  Joint g;
   Vec3 mean = Vec3::Zero();
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     t[i] = robot.chain[i].base + driven.p - R * robot.chain[i].pivot - robot.chain[i].anchor;
     g[i] = driven.rod * driven.rod;
     mean += t[i];
   }
-  mean *= 1.0 / n;
+  mean *= 1.0 / m;
   Real square = 0;  // |y|²
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     t[i] -= mean;
     g[i] = t[i].squaredNorm() - g[i];
     square -= g[i];
   }
-  square *= 1.0 / n;
+  square *= 1.0 / m;
   Mat3 T = Mat3::Zero();
   Vec3 h = Vec3::Zero();
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) {
     for (int column = 0; column < 3; ++column) T.col(column) += t[i][column] * t[i];
     h += (0.5 * (g[i] + square)) * t[i];
   }
 
   // The columns of T's adjugate are the cross products of T's columns. For rank 2 each is a
-  // multiple of m, so the longest gives m; for rank 3 it is near m, which suffices.
+  // multiple of the weakest direction; for rank 3 the longest is near it, which suffices.
   const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
              c = T.col(0).cross(T.col(1));
   const Real aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
@@ -39,10 +39,10 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   const Real length = longest.norm(), size = T.trace();
   if (!std::isfinite(length)) return {Status::not_finite, -1};
   if (!(length > by_precision(1e-10, 1e-5) * size * size)) return {Status::singular, -1};
-  const Vec3 m = longest / length;
+  const Vec3 weakest = longest / length;
 
-  // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along m.
-  const Vec3 e1 = normal_to(m), e2 = m.cross(e1);
+  // y = particular + λ direction: the 2×2 equations across it, solved for any component λ along it.
+  const Vec3 e1 = normal_to(weakest), e2 = weakest.cross(e1);
   const Vec3 T1 = T * e1, T2 = T * e2;
   const Real t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
              per_det = 1 / (t11 * t22 - t12 * t12);
@@ -50,11 +50,11 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
     return (per_det * (t22 * r1 - t12 * r2)) * e1 + (per_det * (t11 * r2 - t12 * r1)) * e2;
   };
   const Vec3 particular = across(e1.dot(h), e2.dot(h));
-  const Vec3 direction = m - across(m.dot(T1), m.dot(T2));
+  const Vec3 direction = weakest - across(weakest.dot(T1), weakest.dot(T2));
   const Real A = direction.squaredNorm(), B = particular.dot(direction);
   const Real root2 = B * B - A * (particular.squaredNorm() - square);
   if (!(root2 >= 0)) return {Status::unreachable, -1};
-  const Real side = m.dot(near_side - mean) < 0 ? -1 : 1;
+  const Real side = weakest.dot(near_side - mean) < 0 ? -1 : 1;
   D = mean + particular + direction * ((side * std::sqrt(root2) - B) / A);
   return {};
 }

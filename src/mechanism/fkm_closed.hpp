@@ -1,11 +1,11 @@
-// The forward kinematic model in closed form where the orientation is known: D is on n spheres.
+// The forward kinematic model in closed form where the orientation is known: D is on m spheres.
 #pragma once
 
 #include "mechanism/chain.hpp"
 
 namespace truepose {
 /// Computes the platform's position from the motors and its orientation (measured, or fixed for a
-/// translation robot), from all n ≥ 3 spheres |D - s_i| = L_i, s_i = B_i - R c_i - a_i.
+/// translation robot), from all m ≥ 3 spheres |D - s_i| = L_i, s_i = B_i - R c_i - a_i.
 ///
 /// With y = D - s̄, t_i = s_i - s̄, the mean sphere is |y|² = mean(L² - |t|²) and each sphere minus
 /// the mean is linear: t_i·y = g_i. In least squares T y = Σ t_i g_i, T = Σ t_i t_iᵀ. T has rank 2

@@ -16,7 +16,7 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
   const engine::Frame& platform = at.frame[built.platform];
   closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
   for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
-  for (int i = 0; i < dof(robot.mobility); ++i)
+  for (int i = 0; i < robot.motors; ++i)
     closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
   return result;
 }
@@ -60,21 +60,22 @@ Outcome full_rows(const Robot& robot, std::array<engine::Row, engine::kClosures>
 
 Outcome finish_full(Robot& robot) {
   if (!robot.finished) return {Status::unfinished, -1};
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), motors = robot.motors;
   FullLevel& level = robot.full = {};
   bool described = true;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     level.bars = std::max(level.bars, robot.chain[i].bar + 1);
     described = described && robot.chain[i].rod_spacing > 0;
   }
   if (!paired(robot.mobility)) {
     level.kind = FullKind::same;
-    level.rods = level.unknowns = n;
+    level.rods = motors;
+    level.unknowns = n;
     return {};
   }
   if (!described || level.bars > kMaxBars) return {};
   const bool together = robot.bar_joint == BarJoint::four_bar;
-  level.rods = 2 * n;
+  level.rods = 2 * motors;
   level.unknowns = 6 + (together ? std::min(1, level.bars) : level.bars);
   level.excess = level.rods - level.unknowns;
   level.kind = FullKind::loose;
@@ -102,7 +103,7 @@ Outcome finish_full(Robot& robot) {
 FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure, int cap,
               const Parasitic& rest) {
   if (!robot.finished) return {{Status::unfinished, -1}};
-  for (int i = 0; i < dof(robot.mobility); ++i)
+  for (int i = 0; i < robot.motors; ++i)
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
   build(robot, Layout::full, closure.built);
   const engine::Mechanism& m = closure.built.mechanism;
@@ -151,23 +152,23 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
 Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                       const Joint& arm, Extended& q_e) {
   if (!robot.finished) return {Status::unfinished, -1};
-  const int n = dof(robot.mobility);
+  const int m = robot.motors;
   FullClosure there;
   build(robot, Layout::free, there.built);
   Joint q{};
-  for (int i = 0; i < n; ++i) q[i] = motor_reading(robot.chain[i], arm[i]);
+  for (int i = 0; i < m; ++i) q[i] = motor_reading(robot.chain[i], arm[i]);
   there.at.y = stand(robot, there.built, q, pose);
   for (int j = there.built.turn; j < there.built.mechanism.freedoms; ++j)
     there.at.y[j] = pose.psi[j - there.built.turn];
   engine::place(there.built.mechanism, there.at);
   Outcome outcome = read(robot, there.built, there.at, theta_of(pose.R, pose.theta), q_e);
-  for (int i = 0; i < n; ++i) q_e[i] = motor_reading(robot.chain[i], motor[i]);
+  for (int i = 0; i < m; ++i) q_e[i] = motor_reading(robot.chain[i], motor[i]);
   if (!is_rotational(robot.mobility)) return outcome;
   Pose angles = to_pose(robot.mobility, robot.home);
   angles_of(robot, {pose.D, pose.R, 0}, angles);
   for (int k = 0; k < robot.r; ++k)
     if (const Sensor& sensor = robot.sensor[k]; sensor.kind == SensorKind::axis_angle)
-      q_e[n + k] = sensor.gain * sense_axis(sensor, angles).value - sensor.offset;
-  return {all_finite(q_e, n + robot.r) ? Status::ok : Status::not_finite, -1};
+      q_e[m + k] = sensor.gain * sense_axis(sensor, angles).value - sensor.offset;
+  return {all_finite(q_e, m + robot.r) ? Status::ok : Status::not_finite, -1};
 }
 }  // namespace truepose

@@ -8,13 +8,14 @@ namespace truepose {
 struct Closure {
   Pose pose;
   Carried carried;
+  int motors = 0;
   std::array<ChainState, kMaxChains> chain;
 
   /// D and R of the platform.
   const Pose& placed() const { return carried.pose; }
   Joint q() const {
     Joint values{};
-    for (int i = 0; i < carried.n; ++i) values[i] = chain[i].q;
+    for (int i = 0; i < motors; ++i) values[i] = chain[i].q;
     return values;
   }
 };
@@ -25,10 +26,11 @@ struct Closure {
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool angle = true) {
   if (!robot.finished) return {Status::unfinished, -1};
   closure.pose = pose;
+  closure.motors = robot.motors;
   carry(robot, pose, closure.carried);
   const Pose& at = closure.placed();
   Real sum = 0;  // not finite after a NaN or an overflow
-  for (int i = 0; i < closure.carried.n; ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     ChainState& state = closure.chain[i];
     state.lever = at.R * chain.pivot;

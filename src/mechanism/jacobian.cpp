@@ -4,22 +4,42 @@
 #include <tuple>
 
 namespace truepose {
+Unknowns inverse_rows(const Closure& closure, Square& K) {
+  return jx_rows(closure.carried, closure.motors, K, [&](int i) {
+    const ChainState& chain = closure.chain[i];
+    return std::pair((1 / chain.jq) * chain.v, chain.lever);
+  });
+}
+
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
-  const int n = jacobians.n = closure.carried.n;
-  const Unknowns size = jx_rows(closure.carried, jacobians.jx, [&](int i) {
+  const int n = jacobians.n = closure.carried.n, m = jacobians.motors = closure.motors;
+  const Unknowns size = jx_rows(closure.carried, m, jacobians.jx, [&](int i) {
     return std::tie(closure.chain[i].v, closure.chain[i].lever);
   });
-  for (int i = 0; i < n; ++i) jacobians.jq[i] = closure.chain[i].jq;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < m; ++i) jacobians.jq[i] = closure.chain[i].jq;
+  for (int i = 0; i < m; ++i) {
     const ChainState& at = closure.chain[i];
     if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
   }
-  const Inverted inverse = invert(n, jacobians.jx, size, 0, jacobians.J);
+  if (m > n) {
+    jacobians.sign = 0;
+    Square K;
+    const Unknowns sizes = inverse_rows(closure, K);
+    return {invert(m, n, K, sizes, 0, jacobians.J) ? Status::ok : Status::singular, -1};
+  }
+  const Inverted inverse = invert(n, n, jacobians.jx, size, 0, jacobians.J);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
   jacobians.sign = inverse.sign;
   return {inverse ? Status::ok : Status::singular, -1};
+}
+
+Coordinates pose_rate(const Jacobians& at, const Joint& rate) {
+  Coordinates result{};
+  for (int i = 0; i < at.n; ++i)
+    result[i] = sum_of(at.motors, [&](int j) { return at.J[i][j] * rate[j]; });
+  return result;
 }
 
 Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
@@ -28,7 +48,7 @@ Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
   if (!outcome) return outcome;
   Real sum = 0;  // becomes NaN if any value is
   for (int i = 0; i < jacobians.n; ++i)
-    for (int j = 0; j < jacobians.n; ++j) sum += J[i][j] = jacobians.J[i][j];
+    for (int j = 0; j < jacobians.motors; ++j) sum += J[i][j] = jacobians.J[i][j];
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
@@ -46,9 +66,9 @@ Outcome finish(Robot& robot) {
   const Outcome exist = parts_exist(robot);
   if (!exist) return exist;
   const int n = dof(robot.mobility);
-  if (robot.chains != n || robot.motors != n) return {Status::not_square, -1};
+  if (robot.chains != robot.motors || robot.motors < n) return {Status::not_square, -1};
   // No parallelogram keeps a bar's orientation on a platform that turns about more than z.
-  for (int i = 0; i < n && robot.mobility >= Mobility::spatial; ++i)
+  for (int i = 0; i < robot.motors && robot.mobility >= Mobility::spatial; ++i)
     if (robot.chain[i].bar >= 0 || robot.chain[i].anchor.squaredNorm() > 0)
       return {Status::no_such_part, i};
   robot.finished = true;

@@ -1,4 +1,4 @@
-// Jacobians between motions of platform and motors: J_x ẋ = J_q q̇, ẋ = J q̇.
+// Jacobians between motions of platform and motors: J_x ẋ = J_q q̇, ẋ = J q̇; K = J_q⁻¹ J_x, q̇ = K ẋ.
 #pragma once
 
 #include "math/square.hpp"
@@ -16,12 +16,12 @@ inline void jx_row(const Carried& carried, const Vec3& v, const Vec3& lever, Rea
 /// column of a turn vanishes relative to this size.
 /// @param rod  rod(i): v and lever of chain i
 template <class Rod>
-inline Unknowns jx_rows(const Carried& carried, Square& rows, Rod&& rod) {
+inline Unknowns jx_rows(const Carried& carried, int motors, Square& rows, Rod&& rod) {
   const int n = carried.n;
   const bool rotational = is_rotational(carried.mobility);
   Real velocity = 0, turn = 0;
   Unknowns size{};
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     const auto& [v, lever] = rod(i);
     jx_row(carried, v, lever, rows[i].data());
     const Real v2 = v.squaredNorm();
@@ -35,29 +35,38 @@ inline Unknowns jx_rows(const Carried& carried, Square& rows, Rod&& rod) {
   return size;
 }
 
-/// J_x, the diagonal of J_q, and J = J_x⁻¹ J_q at a closed pose.
+/// J_x (m×n), the diagonal of J_q, and J (n×m) at a closed pose: J_x⁻¹ J_q, or with more motors m
+/// than freedoms n the pseudo-inverse K⁺ of K = J_q⁻¹ J_x. Both motor rates in least squares, ẋ = J
+/// q̇, and motor torques of least norm for a wrench of the platform, τ = Jᵀ w, have this J.
 struct Jacobians {
-  int n;
+  int n, motors;
   Square jx, J;
   Joint jq;
-  /// Of det J_x: poses with equal q and different sign are in different assembly modes.
+  /// Of det J_x: poses with equal q and different sign are in different assembly modes. 0 with more
+  /// motors than freedoms: J_x then keeps its rank along a path between two modes.
   int sign = 0;
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without an inverse of J.
   Joint joint_rate(const Coordinates& rate) const {
     Joint result{};
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < motors; ++i)
       result[i] = sum_of(n, [&](int j) { return jx[i][j] * rate[j]; }) / jq[i];
     return result;
   }
 };
 
-/// Computes J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
+/// K = J_q⁻¹ J_x. @return the sizes of its columns, as jx_rows()
+Unknowns inverse_rows(const Closure& closure, Square& K);
+
+/// Computes J_x, J_q and J at a closed pose.
 /// @return singular where J_x loses rank (type 2: the motors do not hold the platform) or an entry
 /// of J_q vanishes (type 1: the arm of `chain` is stretched or folded), with J_x and J_q.
 Outcome jacobian(const Closure& closure, Jacobians& jacobians);
 
-/// J alone, n×n.
+/// Twist J v of the platform for rates v of the readings.
+Coordinates pose_rate(const Jacobians& at, const Joint& rate);
+
+/// J alone, n×m.
 Outcome jacobian(const Robot& robot, const Closure& closure, JointMatrix& J);
 
 /// Whether a determinant's sign differs from that at home, which proves another assembly mode. An
@@ -73,7 +82,7 @@ Outcome note_assembly(Robot& robot);
 /// Checks a robot's counts, indices and enums, and derives assembly_sign, limited, encoder_errs and
 /// the inclinometers' vertical. Call it after building a robot and after every change.
 /// A robot with a singular or unreachable home is finished, too: its assembly mode is unchecked.
-/// @return no_such_part, not_square: refused, still unfinished; or the outcome at home:
-/// unreachable, singular, joint_limit
+/// @return no_such_part, not_square (fewer motors than freedoms or chains): refused, still
+/// unfinished; or the outcome at home: unreachable, singular, joint_limit
 Outcome finish(Robot& robot);
 }  // namespace truepose

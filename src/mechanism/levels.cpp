@@ -1,3 +1,4 @@
+// Kinematics at a level of the model: one rod per chain, or every rod by itself.
 #include "mechanism/levels.hpp"
 
 namespace truepose {

@@ -19,7 +19,7 @@ struct Loops {
     pose = at;
     carry(robot, at, carried);
     cost = residual = 0;
-    for (int i = 0; i < carried.n; ++i) {
+    for (int i = 0; i < robot.motors; ++i) {
       const Chain& chain = robot.chain[i];
       const Real rod = driven[i].rod;
       lever[i] = carried.pose.R * chain.pivot;
@@ -30,8 +30,8 @@ struct Loops {
     }
   }
   /// -∂f/∂x. @return the sizes of its columns
-  Unknowns jx(Square& rows) const {
-    return jx_rows(carried, rows, [&](int i) { return std::tie(v[i], lever[i]); });
+  Unknowns jx(int motors, Square& rows) const {
+    return jx_rows(carried, motors, rows, [&](int i) { return std::tie(v[i], lever[i]); });
   }
 };
 }  // namespace truepose

@@ -26,7 +26,8 @@ struct Readings {
   const Robot& robot;
   const Built& built;
   const engine::Position& at;
-  const int n = dof(robot.mobility), count = n + robot.r, width = parameter_count(robot);
+  const int n = dof(robot.mobility), m = robot.motors, count = readings(robot),
+            width = parameter_count(robot);
   std::array<Sensed, kMaxSensors> sensed;
   std::array<engine::Line, kMaxSensors> platform;  ///< by a motion of the platform's side
   std::array<engine::Row, kMaxReadings> e;         ///< e_u and e_x
@@ -35,7 +36,7 @@ struct Readings {
 
   Readings(const Robot& of, const Built& as, const engine::Position& there, Real theta)
       : robot(of), built(as), at(there) {
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < m; ++i) {
       e[i].fill(0);
       e[i][i] = robot.chain[i].encoder_errs ? encode(robot.chain[i], at.y[i]).slope : 1;
     }
@@ -44,7 +45,7 @@ struct Readings {
       const SensedFreedoms s = sense(robot, built, at, theta, sensor);
       sensed[k] = s;
       platform[k] = s.platform;
-      for (int j = 0; j < built.mechanism.freedoms; ++j) e[n + k][j] = sensor.gain * s.row[j];
+      for (int j = 0; j < built.mechanism.freedoms; ++j) e[m + k][j] = sensor.gain * s.row[j];
     }
   }
 
@@ -52,7 +53,7 @@ struct Readings {
   void enter_closure(int closure, int column, Real f) {
     for (int c = 0; c < count && f != 0; ++c) H[c * width + column] -= S[c][closure] * f;
   }
-  Real& entry(int sensor, int column) { return H[(n + sensor) * width + column]; }
+  Real& entry(int sensor, int column) { return H[(m + sensor) * width + column]; }
 
   void chain_columns(int i);
   void axis_columns(int j);
@@ -123,7 +124,7 @@ void Readings::chain_columns(int i) {
 void Readings::sensor_columns(int k) {
   const Sensor& of = robot.sensor[k];
   const Sensed& s = sensed[k];
-  Real* row = H + (n + k) * width + sensor_column(robot, k);
+  Real* row = H + (m + k) * width + sensor_column(robot, k);
   row[static_cast<int>(SensorParameter::offset)] = -1;
   row[static_cast<int>(SensorParameter::gain)] = s.value;
   int column = static_cast<int>(SensorParameter::origin_x);
@@ -162,7 +163,7 @@ void Readings::axis_columns(int j) {
 void Readings::parameter_columns(Real* H_xi) {
   H = H_xi;
   std::fill(H, H + count * width, Real(0));
-  for (int i = 0; i < n; ++i) chain_columns(i);
+  for (int i = 0; i < m; ++i) chain_columns(i);
   for (int j = 0; j < passive_axes(robot.mobility); ++j) axis_columns(j);
   for (int k = 0; k < robot.r; ++k) sensor_columns(k);
 }
@@ -178,13 +179,13 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
   const engine::Equations equations(m, at, unknown);
   if (!equations.regular()) return {Status::singular, -1};
   Readings by(robot, built, at, theta);
-  for (int c = 0; c < by.count; ++c) std::copy_n(by.e[c].begin() + by.n, by.n, H_x[c].begin());
+  for (int c = 0; c < by.count; ++c) std::copy_n(by.e[c].begin() + by.m, by.n, H_x[c].begin());
   for (int rod = 0; rod < m.closures; ++rod) {
     const Unknowns u = equations.column(rod);
     const engine::Row row = engine::row(m, at, rod);
     for (int c = 0; c < by.count; ++c) {
       by.S[c][rod] = sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
-      for (int j = 0; j < by.n; ++j) H_x[c][j] -= by.S[c][rod] * row[by.n + j];
+      for (int j = 0; j < by.n; ++j) H_x[c][j] -= by.S[c][rod] * row[by.m + j];
     }
   }
   if (H_xi) by.parameter_columns(H_xi);
@@ -200,7 +201,7 @@ void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H) {
   Readings by(robot, built, at, closure.pose.theta);
   // Each motor follows its own rod alone. Near a singularity J_q is the closure's, damped.
   for (int c = 0; c < by.count; ++c)
-    for (int i = 0; i < by.n; ++i)
+    for (int i = 0; i < by.m; ++i)
       by.S[c][i] = by.e[c][i] * closure.chain[i].rate / closure.chain[i].jq;
   by.parameter_columns(H);
 }

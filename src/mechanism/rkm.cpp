@@ -13,7 +13,7 @@ Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorR
 
 Joint motors_of(const Robot& robot, const Extended& q_e) {
   Joint q{};
-  std::copy_n(q_e.begin(), dof(robot.mobility), q.begin());
+  std::copy_n(q_e.begin(), robot.motors, q.begin());
   return q;
 }
 }  // namespace truepose

@@ -167,8 +167,8 @@ struct FullLevel {
 struct Robot {
   std::uint32_t abi = TRUEPOSE_ABI, size = sizeof(truepose_description);  ///< of the C interface
   Mobility mobility = Mobility::schoenflies;
-  int chains = 0;  ///< at present as many as the mobility has freedoms
-  int motors = 0;  ///< they drive the first chains; at present all
+  int chains = 0;  ///< at least as many as the mobility has freedoms
+  int motors = 0;  ///< m; they drive the first chains; at present all
   int r = 0;       ///< redundant sensors in use
   int bodies = 0;
   BarJoint bar_joint = BarJoint::pivots;
@@ -201,6 +201,15 @@ constexpr int dof(Mobility mobility) {
   const auto index = static_cast<std::size_t>(mobility);
   return sizes[index < sizes.size() ? index : 0];
 }
+
+/// Number of extended positions, m + r.
+inline int readings(const Robot& robot) { return robot.motors + robot.r; }
+/// Number of readings more than the pose needs, m + r - n: independent equations about ξ.
+inline int redundancy(const Robot& robot) { return readings(robot) - dof(robot.mobility); }
+
+/// Whether there are more motors than freedoms: platform motions determine all motor motions, but
+/// not the reverse, and m - n combinations of torques only stress the robot.
+inline bool overdriven(const Robot& robot) { return robot.motors > dof(robot.mobility); }
 
 /// Whether passive axes carry the platform: x are their angles.
 constexpr bool is_rotational(Mobility mobility) {  // no invalid one is, of a robot to be refused

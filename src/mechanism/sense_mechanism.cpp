@@ -48,14 +48,14 @@ SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Posit
 
 Outcome read(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
              Extended& q_e) {
-  const int n = dof(robot.mobility);
-  for (int i = 0; i < n; ++i) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
+  for (int i = 0; i < robot.motors; ++i) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
     if (built.layout == Layout::full && sensor.bar >= robot.full.bars)
       return {Status::not_measured, -1};
-    q_e[n + k] = sensor.gain * sense(robot, built, at, theta, sensor).value - sensor.offset;
+    q_e[robot.motors + k] =
+        sensor.gain * sense(robot, built, at, theta, sensor).value - sensor.offset;
   }
-  return {all_finite(q_e, n + robot.r) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(q_e, readings(robot)) ? Status::ok : Status::not_finite, -1};
 }
 }  // namespace truepose

@@ -189,8 +189,9 @@ void bind_safety(nb::module_& m) {
     const Outcome outcome = default_limits(robot, settings, derived);
     return answered(outcome, derived);
   });
-  m.def("consistent",
-        [](const SafetyLimits& given, int n) { return answered(consistent(given, n, n)); });
+  m.def("consistent", [](const SafetyLimits& given, int motors, int freedoms) {
+    return answered(consistent(given, motors, freedoms));
+  });
   m.def("path_needs", &path_needs);
   m.def("stopping_distance",
         [](const Robot& robot, const SafetyLimits& given, bool marked, double speed) {

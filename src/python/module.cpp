@@ -9,6 +9,7 @@ NB_MODULE(_core, m) {
   using namespace truepose;
   m.doc() = "truepose's real-time core. Use the truepose package; this is its engine.";
   nb::set_leak_warnings(false);  // an interpreter may end with robots alive
+  m.attr("max_motors") = kMaxMotors;
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;

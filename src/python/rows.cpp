@@ -21,7 +21,7 @@ namespace {
 struct Common {
   const Robot* robot = nullptr;
   const Known* known = nullptr;
-  int n = 0, e = 0;            ///< freedoms, readings
+  int n = 0, m = 0, e = 0;     ///< freedoms, motors, readings
   Level level = Level::ideal;  ///< the first flag
 };
 
@@ -83,8 +83,8 @@ Outcome of_x(const Row& r) {
   return outcome;
 }
 
-/// A function. `shapes` of its results' rows, a word each: n freedoms, e readings, r sensors, p
-/// parameters, d = 2 n, c = 1 + n, h hidden motions, g of a registration; - a number.
+/// A function. `shapes` of its results' rows, a word each: n freedoms, m motors, e readings, r
+/// sensors, p parameters, d = 2 m, c = 1 + m, h hidden motions, g of a registration; - a number.
 struct RowFunction {
   const char* name;
   const char* shapes;
@@ -95,7 +95,7 @@ struct RowFunction {
 
 const RowFunction kFunctions[] = {
     // Kinematics: (robot, x, full)
-    {"ikm", "n",
+    {"ikm", "m",
      [](const Row& r) {
        const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
        Joint q{};
@@ -113,7 +113,7 @@ const RowFunction kFunctions[] = {
        return outcome;
      }},
     {"parasitic", "h", of_x<Coordinates, parasitic>},
-    {"jacobian", "nn", of_x<JointMatrix, at_level<JointMatrix>(jacobian)>},
+    {"jacobian", "nm", of_x<JointMatrix, at_level<JointMatrix>(jacobian)>},
     {"gyro", "3n", of_x<GyroRows, gyro>},
     {"redundant_fkm", "n",
      [](const Row& r) {
@@ -122,7 +122,7 @@ const RowFunction kFunctions[] = {
        r.give(0, x);
        return outcome;
      }},
-    {"tej", "en ne",  // (robot, x, band)
+    {"tej", "em me",  // (robot, x, band)
      [](const Row& r) {
        ExtendedColumns M;
        ExtendedRows M_plus;
@@ -134,7 +134,7 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        Joint serial{};
        const Outcome outcome = conditioning(*r.robot, r.x(), *r.out[0], serial);
-       std::copy_n(serial.begin(), r.n, r.out[0] + 1);
+       std::copy_n(serial.begin(), r.m, r.out[0] + 1);
        return outcome;
      }},
     {"linearise", "en ep",  // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
@@ -145,30 +145,30 @@ const RowFunction kFunctions[] = {
        r.give(0, H_x);
        return outcome;
      }},
-    // (robot, x, compliance, arms, force (N, 3), measured tension (N, n) or NaN, full): readings,
+    // (robot, x, compliance, arms, force (N, 3), measured tension (N, m) or NaN, full): readings,
     // their derivatives by the compliances of every chain and then of every arm, tensions
-    {"under_load", "e ed n",
+    {"under_load", "e ed m",
      [](const Row& r) {
        const Load load{r.of<Vec3>(3), r.of<Joint>(4)};
-       const std::size_t n = static_cast<std::size_t>(r.n);
+       const std::size_t m = static_cast<std::size_t>(r.m);
        UnderLoad at;
        const Outcome outcome =
            under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
                       scratch(r.e * parameter_count(*r.robot)).data(), at);
        r.give(0, at.q_e), r.give(2, at.tension);
        for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
-         for (std::size_t k = 0; k < n; ++k) {
-           r.out[1][2 * n * c + k] = at.by_compliance[c][k];
-           r.out[1][2 * n * c + n + k] = c == k ? at.by_arm[k] : 0;
+         for (std::size_t k = 0; k < m; ++k) {
+           r.out[1][2 * m * c + k] = at.by_compliance[c][k];
+           r.out[1][2 * m * c + m + k] = c == k ? at.by_arm[k] : 0;
          }
        return outcome;
      }},
-    {"skeleton", "n43",  // points P, B, A and c of every chain, for drawings
+    {"skeleton", "m43",  // points P, B, A and c of every chain, for drawings
      [](const Row& r) {
        Closure closure;
        const Outcome outcome = ikm(*r.robot, r.pose(), closure);
        double* to = r.out[0];
-       for (int k = 0; k < r.n && outcome; ++k) {
+       for (int k = 0; k < r.m && outcome; ++k) {
          const Vec3 P = r.robot->chain[k].base, B = P + closure.chain[k].p;
          for (const Vec3& point :
               {P, B, B - closure.chain[k].v, closure.placed().D + closure.chain[k].lever})
@@ -176,12 +176,12 @@ const RowFunction kFunctions[] = {
        }
        return outcome;
      }},
-    {"rod_rows", "nn",  // J_x; 0 where the chains do not close
+    {"rod_rows", "mn",  // J_x; 0 where the chains do not close
      [](const Row& r) {
        Closure closure;
        const Outcome outcome = ikm(*r.robot, r.pose(), closure);
-       std::fill_n(r.out[0], r.n * r.n, 0.0);
-       for (int k = 0; k < r.n && outcome; ++k)
+       std::fill_n(r.out[0], r.m * r.n, 0.0);
+       for (int k = 0; k < r.m && outcome; ++k)
          jx_row(closure.carried, closure.chain[k].v, closure.chain[k].lever, r.out[0] + k * r.n);
        return Outcome{};
      }},
@@ -237,7 +237,7 @@ const RowFunction kFunctions[] = {
        r.give(0, mass);
        return outcome;
      }},
-    {"inverse_dynamics", "n",  // (robot, x, rate, acceleration)
+    {"inverse_dynamics", "m",  // (robot, x, rate, acceleration)
      [](const Row& r) {
        Joint torque{};
        const Outcome outcome = inverse_dynamics(*r.robot, r.pose(), r.x(1), r.x(2), torque);
@@ -297,7 +297,7 @@ const RowFunction kFunctions[] = {
      kFewRowsPerThread},
     // (robot, known, x, full, influence (N, e × count)), whose amounts are the last entries of the
     // knowledge: sensitivity of x to each reading's error; weighted TEJ
-    {"gain", "ne ne",
+    {"gain", "ne me",
      [](const Row& r) {
        double* work = r.work();
        Fused fusion;
@@ -347,15 +347,15 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
   };
   for (nb::handle given : args) take(given);
   for (auto [name, given] : kwargs) take(given);
-  int n = 0, r = 0, p = 0, hidden = 0;
+  int n = 0, m = 0, r = 0, p = 0, hidden = 0;
   with.level = level(!with.flag.empty() && with.flag[0]);
   if (with.robot) {
     const Robot& robot = *with.robot;
-    n = dof(robot.mobility), r = robot.r;
+    n = dof(robot.mobility), m = robot.motors, r = robot.r;
     p = robot.finished ? parameter_count(robot) : 0;
     hidden = robot.full.own() ? 6 - n + robot.full.bars : 0;
   }
-  with.n = n, with.e = n + r;
+  with.n = n, with.m = m, with.e = m + r;
   std::vector<Shape>& shapes = with.shapes;
   shapes.resize(1);
   for (const char* letter = function.shapes; *letter; ++letter) {
@@ -366,11 +366,12 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
       case ' ': shapes.emplace_back(); break;
       case '-': break;
       case 'n': more(n); break;
-      case 'e': more(n + r); break;
+      case 'm': more(m); break;
+      case 'e': more(m + r); break;
       case 'r': more(r); break;
       case 'p': more(p); break;
-      case 'd': more(2 * n); break;
-      case 'c': more(1 + n); break;
+      case 'd': more(2 * m); break;
+      case 'c': more(1 + m); break;
       case 'h': more(hidden); break;
       case 'g': more(kRegistration); break;
       default: more(*letter - '0');

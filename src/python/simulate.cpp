@@ -172,6 +172,8 @@ struct Visited {
     for (int k = 0; k < dof(nominal.mobility); ++k) {
       low[k] = moving ? x[k] : std::min(low[k], x[k]);
       high[k] = moving ? x[k] : std::max(high[k], x[k]);
+    }
+    for (int k = 0; k < nominal.motors; ++k) {
       const double limit = nominal.chain[k].torque_limit;
       if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
     }

@@ -5,7 +5,7 @@ namespace truepose {
 std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, std::uint64_t seed) {
   const Mobility mobility = robot.mobility;
   Vec3 low(-INFINITY, -INFINITY, -INFINITY), high = -low;
-  for (int i = 0; i < dof(mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
     const Vec3 centre = chain.base + driven.p - chain.anchor;

@@ -14,7 +14,7 @@ double dahl(double slip, double displacement, double presliding) {
 
 Plant::Plant(const Robot& truth, const Effects& effects, const Pose& start, std::uint64_t seed)
     : truth_(truth),
-      n(dof(truth.mobility)),
+      n(truth.motors),
       driven_(truth),
       effects_(effects),
       state_{start, {}},
@@ -56,7 +56,7 @@ void Plant::disturb(const Event& event, double sign) {
     driven_.body[driven_.bodies++].mass = event.size;
   }
   if (event.kind == Disturbance::friction) effects_.friction[event.motor] += event.size;
-  for (int j = 0; j < n && event.kind == Disturbance::contact; ++j)
+  for (int j = 0; j < dof(truth_.mobility) && event.kind == Disturbance::contact; ++j)
     force_[j] += sign * event.force[j];
   pushed_ = std::ranges::any_of(force_, [](double f) { return f != 0; });
 }
@@ -141,7 +141,8 @@ void Plant::push(const Closure& closure, const DynamicModel& model, Joint& torqu
   Jacobians jacobians;
   if (!jacobian(closure, jacobians)) return;
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) torque[i] += model.slope[i] * jacobians.J[j][i] * force_[j];
+    for (int j = 0; j < jacobians.n; ++j)
+      torque[i] += model.slope[i] * jacobians.J[j][i] * force_[j];
 }
 
 double Plant::brake_torque(int i) const {
@@ -153,8 +154,8 @@ bool Plant::springy(int i) const {
   return effects_.arm_stiffness > 0 && truth_.chain[i].actuator == Actuator::revolute;
 }
 
-Joint Plant::transmitted(const Joint& q, const Coordinates& rate, const Joint& torque,
-                         const Rotors& y, Rotors& dy) {
+Joint Plant::transmitted(const Joint& q, const Joint& rate, const Joint& torque, const Rotors& y,
+                         Rotors& dy) {
   for (int i = 0; i < n; ++i) {
     const double arm = shaft(i, q[i]);
     const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);

@@ -90,7 +90,7 @@ class Plant {
   double shaft(int i, double q) const { return q / truth_.chain[i].encoder_gain; }
 
   /// Torque transmitted to the arms, and the derivatives of the rotors' angles and rates.
-  Joint transmitted(const Joint& q, const Coordinates& rate, const Joint& torque, const Rotors& y,
+  Joint transmitted(const Joint& q, const Joint& rate, const Joint& torque, const Rotors& y,
                     Rotors& dy);
 
   /// Applies the deflection of arms and (quasi-static) rods as geometry. The torque at an arm's
@@ -98,7 +98,7 @@ class Plant {
   Outcome bend(Robot& robot) const;
 
   const Robot& truth_;
-  const int n;
+  const int n;    ///< motors
   Robot driven_;  ///< without the inertia of rotors on elastic arms
   Effects effects_;
   PlantState state_;

@@ -58,7 +58,7 @@ Outcome advance(const Robot& truth, const Joint& torque, double period, int step
 }
 
 void spoil(const Robot& truth, Random& random, Extended& q_e) {
-  const int n = dof(truth.mobility);
+  const int n = truth.motors;
   const auto spoilt = [&](double value, double sigma, double step) {
     if (sigma > 0) value += std::normal_distribution<double>(0, sigma)(random);
     return quantized(value, step);

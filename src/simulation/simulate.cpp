@@ -73,7 +73,7 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
   const bool slow = extras_.late;
   OnlineCalibrator* const learner = extras_.learner;
   const bool monitored = extras_.fault_settings && !extras_.law;
-  if (extras_.bus) late_.arrived = bus_.deliver(dof(nominal_.mobility), q_e);
+  if (extras_.bus) late_.arrived = bus_.deliver(nominal_.motors, q_e);
   Extended present = q_e;
   const Weighing weighing = slow && !monitored
                                 ? compensated(nominal_, extras_.weighing, late_, known_, present)
@@ -95,7 +95,7 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
     outcome = control(believed, settings_, setpoint, present, control_, weighing);
   if (learns && monitored) {
     for (int k = 0; k < nominal_.r; ++k)
-      if (late_.is(k)) present[dof(nominal_.mobility) + k] = late_.present[k];
+      if (late_.is(k)) present[nominal_.motors + k] = late_.present[k];
     cycle.gave_up = learn_monitored(*learner, present);
   }
   if (!extras_.law) control_.started = control_.started || outcome;
@@ -110,7 +110,7 @@ Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint
   if (!outcome) return outcome;
   const Joint error = extras_.law(setpoint.x, q_e);
   Extended shown{};
-  for (int i = 0; i < dof(nominal_.mobility); ++i) shown[i] = q[i] - error[i];
+  for (int i = 0; i < nominal_.motors; ++i) shown[i] = q[i] - error[i];
   return control(believed, settings_, setpoint, shown, control_);
 }
 
@@ -128,7 +128,7 @@ Outcome Loop::run_safely(const Robot& believed, double time, const Setpoint& set
                           {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
                            extras_.late ? &late_ : nullptr});
   cycle.x = setpoint.x;
-  std::copy_n(q_e.begin(), dof(nominal_.mobility), cycle.q.begin());
+  std::copy_n(q_e.begin(), nominal_.motors, cycle.q.begin());
   const Pose pose = to_pose(nominal_.mobility, setpoint.x);
   cycle.answer = command(Level::ideal, believed, pose, cycle.q_d);
   if (cycle.answer)
@@ -174,7 +174,7 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
   sample.size = observer.size;
   sample.force = observer.force;
   sample.refused = observer.refused;
-  for (int c = 0; c < dof(nominal_.mobility) + nominal_.r; ++c) {
+  for (int c = 0; c < nominal_.motors + nominal_.r; ++c) {
     sample.health[c] = fault_state_.monitor.reading[c].health;
     sample.symptom[c] = fault_state_.monitor.reading[c].symptom;
   }

@@ -5,7 +5,7 @@ namespace truepose {
 Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettings& settings,
                        const SafetyLimits& limits, const Weighing& weighing, const Effects& effects,
                        const StartRun& run, SimulatedStart& result) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   const int rows = n + robot.r;
   const Pose start = to_pose(robot.mobility, run.start);
   Plant plant(truth, effects, start, run.seed);

@@ -14,24 +14,30 @@ class Loaded {
   /// @return singular, or the outcome of a failed nominal model
   Outcome set(const Robot& nominal, const ControlSettings& settings, const Reference& reference) {
     const auto& J = reference.jacobians.J;
-    n = dof(nominal.mobility);
+    m = nominal.motors;
+    const int n = dof(nominal.mobility);
     DynamicModel model;
     const Outcome outcome = dynamic_model(nominal, reference.closure, Coordinates{}, model);
     if (!outcome) return outcome;
     if (settings.feed_forward != FeedForward::none)
       feed_ = inverse_dynamics(model, J, Coordinates{});
-    RowMatrix stiffness(n, n);
+    RowMatrix stiffness(m, m), K(m, n);
     const auto M_q = joint_inertia(model, J);
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j)
+    for (int i = 0; i < m; ++i) std::ranges::copy_n(reference.jacobians.jx[i].begin(), n, K[i]);
+    for (int i = 0; i < m; ++i)
+      for (int j = 0; j < n; ++j) K(i, j) /= reference.jacobians.jq[i];
+    for (int i = 0; i < m; ++i)
+      for (int j = 0; j < m; ++j)
         if (settings.gains == Gains::inertia)
           stiffness(i, j) = model.slope[i] * M_q[i][j] * settings.kp[j];
         else if (i == j)
           stiffness(i, i) = settings.kp[i];
     yield_ = singular_values(stiffness).inverse();
-    RowMatrix follows(n, n);  // ∂τ_hold/∂q
+    if (m > n)  // of the platform: torques that only stress it move nothing
+      yield_ = K * (singular_values(transposed(K) * (stiffness * K)).inverse() * transposed(K));
+    RowMatrix follows(m, m);  // ∂τ_hold/∂q
     constexpr double kStep = 1e-5;
-    for (int j = 0; j < n; ++j) {
+    for (int j = 0; j < m; ++j) {
       Joint torque[2];
       bool both = true;
       for (const double side : {-1.0, 1.0}) {
@@ -41,24 +47,24 @@ class Loaded {
                     torque[side > 0]) &&
                both;
       }
-      for (int i = 0; i < n; ++i)  // at the edge of the workspace: 0
+      for (int i = 0; i < m; ++i)  // at the edge of the workspace: 0
         follows(i, j) = both ? (torque[1][i] - torque[0][i]) / (2 * kStep) : 0;
     }
-    newton_ = singular_values(sum(RowMatrix::identity(n), yield_ * follows)).inverse();
+    newton_ = singular_values(sum(RowMatrix::identity(m), yield_ * follows)).inverse();
     return {};
   }
 
   /// Replaces ê_q by the motors' step that balances ê_q + kp⁻¹ (τ_ff - τ_hold).
   void relieve(const Joint& load, Joint& error) const {
-    std::vector<double> lack(n);
-    for (int i = 0; i < n; ++i) lack[i] = feed_[i] - load[i];
+    std::vector<double> lack(m);
+    for (int i = 0; i < m; ++i) lack[i] = feed_[i] - load[i];
     lack = yield_ * lack;
-    for (int i = 0; i < n; ++i) lack[i] += error[i];
+    for (int i = 0; i < m; ++i) lack[i] += error[i];
     std::ranges::copy(newton_ * lack, error.begin());
   }
 
  private:
-  int n = 0;
+  int m = 0;
   Joint feed_{};
   RowMatrix yield_, newton_;
 };
@@ -94,7 +100,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     if (outcome && settings.gravity) outcome = hold(truth, pose, load);
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
-    for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
+    for (int c = 0; c < readings(truth); ++c) q_e[c] += off[c];
     if (faults) faults->make_faulty(0, q_e);
     Joint error{};
     Pose found;
@@ -104,7 +110,8 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     Coordinates step{};
     double size = 0;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j] / most;
+      for (int j = 0; j < nominal.motors; ++j)
+        step[i] += reference.jacobians.J[i][j] * error[j] / most;
       size = std::max(size, std::fabs(step[i]));
     }
     if (!all_finite(step, n)) return {Status::not_finite, -1};
@@ -121,7 +128,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
 
 Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                 const Weighing& weighing) {
-  const int n = dof(robot.mobility);
+  const int n = dof(robot.mobility), m = robot.motors;
   constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
   Reference reference;
   const Outcome outcome =
@@ -129,7 +136,7 @@ Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& 
   if (!outcome) return outcome;
   leak = {};
   const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
-  for (int c = 0; c < n + robot.r; ++c) {
+  for (int c = 0; c < m + robot.r; ++c) {
     if (of_pose) {
       Coordinates change[2];
       for (const double side : {-1.0, 1.0}) {
@@ -143,10 +150,10 @@ Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& 
       }
       for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
     } else if (properties(law).corrects == Corrects::motors) {
-      for (int i = 0; i < n && c < n; ++i) leak[i][c] = -reference.jacobians.J[i][c];
+      for (int i = 0; i < n && c < m; ++i) leak[i][c] = -reference.jacobians.J[i][c];
     } else {
       for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
+        for (int j = 0; j < m; ++j) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
     }
   }
   return {};

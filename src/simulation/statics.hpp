@@ -27,7 +27,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
                FaultyReadings* faults = nullptr);
 
 /// Computes the cross-sensitivity of a robot's steady-state pose to errors of the readings:
-/// δx = leakage δq_e, n×(n + r), to first order; δx along the free twist.
+/// δx = leakage δq_e, n×(m + r), to first order; δx along the free twist.
 ///
 /// At equilibrium ê_q(x_d, q_e) = 0, and for consistent readings every law has
 /// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] for the

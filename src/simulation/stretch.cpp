@@ -90,7 +90,7 @@ Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load
 
 Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Joint& compliance,
                    const Joint& arms, const Load& load, double* H_xi, UnderLoad& result) {
-  const int n = dof(robot.mobility);
+  const int n = robot.motors;
   Pull by;
   Outcome outcome = pull(level, robot, pose, load, by);
   if (!outcome) return outcome;

@@ -57,7 +57,7 @@ struct UnderLoad {
 /// Computes the readings under load and their derivatives by compliance.
 /// @param compliance  of every chain, 1/N
 /// @param arms        compliance of every arm, rad/(N·m)
-/// @param H_xi        work space, (n + r) × parameter_count
+/// @param H_xi        work space, (m + r) × parameter_count
 Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Joint& compliance,
                    const Joint& arms, const Load& load, double* H_xi, UnderLoad& result);
 }  // namespace truepose

@@ -9,8 +9,9 @@ Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& rate, En
   if (!outcome) return outcome;
   result = {};
   const int n = dof(robot.mobility);
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) result.kinetic += 0.5 * rate[i] * model.mass[i][j] * rate[j];
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Vec3 B = chain.base + closure.chain[i].p, A = B - closure.chain[i].v;
     const Vec3 arm = chain.actuator == Actuator::revolute ? Vec3(0.5 * (chain.base + B)) : B;

@@ -2,7 +2,7 @@
 
 namespace pivots_tested {
 Guarded::Guarded(const Mechanism& mechanism)
-    : K(mechanism.robot.mobility), n(dof(K)), robot(mechanism.robot) {
+    : K(mechanism.robot.mobility), n(mechanism.robot.motors), robot(mechanism.robot) {
   CHECK(inverse_dynamics(robot, to_pose(K, robot.home), {}, {}, weight));
   ControlSettings one;
   CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
@@ -17,7 +17,7 @@ SafetyCycle Guarded::healthy() {
   if (shell.follows) time += limits.period;
   SafetyCycle cycle;
   cycle.x = robot.home;
-  for (int j = 0; j < n; ++j) cycle.x[j] += 0.01 * (1 - std::cos((3 + j) * time));
+  for (int j = 0; j < dof(K); ++j) cycle.x[j] += 0.01 * (1 - std::cos((3 + j) * time));
   Closure closure;
   CHECK(ikm(robot, to_pose(K, cycle.x), closure));
   cycle.q_d = closure.q();

@@ -7,7 +7,7 @@ Vec3 polar(double radius, double angle, double z) {
 
 Prior::Prior(const Robot& robot) {
   std::vector<double> sigma;
-  for (int i = 0; i < dof(robot.mobility); ++i)
+  for (int i = 0; i < robot.motors; ++i)
     for (int k = 0; k < static_cast<int>(ChainParameter::rod_difference); ++k) {
       column_.push_back(chain_column(i) + k);
       sigma.push_back(1e-4 * (1 + (3 * i + k) % 5));
@@ -54,7 +54,8 @@ Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target,
 
 void complete(Mechanism& mechanism) {
   Robot& robot = mechanism.robot;
-  robot.chains = robot.motors = dof(robot.mobility);
+  if (robot.motors == 0) robot.motors = dof(robot.mobility);
+  robot.chains = robot.motors;
   robot.r = 1;
   if (robot.mobility == Mobility::planar_translation || robot.mobility == Mobility::planar) {
     robot.gravity = Vec3(0, -9.81, 0);  // standing upright, so that weight matters
@@ -164,6 +165,48 @@ Mechanism planar(const char* name, Actuator actuator) {
   }
   add_body(robot, 0.8, Vec3(0.01, 0.02, 0), Vec3::Zero(), {0, 0, 0.004});
   robot.home = {0.01, 0.02, 0.1};
+  complete(mechanism);
+  return mechanism;
+}
+
+Mechanism four_rrr() {
+  Mechanism mechanism{"4-RRR", {}, {0.04, 0.04, 0.2}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::planar;
+  robot.motors = 4;
+  for (int i = 0; i < 4; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.base = polar(0.40 + 0.01 * i, 45 + 90 * i);
+    chain.axis = Vec3::UnitZ();
+    chain.zero = Vec3::UnitX();
+    chain.arm = 0.20 + 0.005 * i;
+    chain.rod = 0.26 - 0.004 * i;
+    chain.working_mode = 1;
+    chain.pivot = polar(0.12 + 0.01 * i, 65 + 92 * i);
+    set_masses(chain, 0.002, 0.3, 0.2);
+  }
+  add_body(robot, 0.8, Vec3(0.01, 0.02, 0), Vec3::Zero(), {0, 0, 0.004});
+  robot.home = {0.01, 0.02, 0.1};
+  complete(mechanism);
+  return mechanism;
+}
+
+Mechanism eight_cables() {
+  Mechanism mechanism{"8 cables", {}, {0.1, 0.1, 0.1, 0.15, 0.15, 0.15}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::spatial;
+  robot.motors = 8;
+  for (int i = 0; i < 8; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.actuator = Actuator::telescopic;
+    const bool upper = i < 4;
+    const double angle = 45 + 90 * (i % 4), turn = i % 2 == 0 ? 1 : -1;  // cables cross in pairs
+    chain.base = polar(0.75 + 0.005 * i, angle + i, upper ? 0.5 : -0.5);
+    chain.pivot = polar(0.1 + 0.002 * i, angle + (upper ? 60 : -45) * turn, upper ? -0.1 : 0.1);
+    set_masses(chain, 0.5, 0, 0);
+  }
+  add_body(robot, 5, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.1, 0.12, 0.14});
+  robot.home = {0.01, -0.02, 0.03, 0.03, -0.02, 0.05};
   complete(mechanism);
   return mechanism;
 }
@@ -302,11 +345,19 @@ void for_each(const std::function<void(const Mechanism&)>& f) {
                                           par4(),
                                           hexapod("6-UPS", Actuator::telescopic),
                                           hexapod("Hexa", Actuator::revolute),
-                                          hexaglide()};
+                                          hexaglide(),
+                                          four_rrr(),
+                                          eight_cables()};
   for (const Mechanism& mechanism : all) {
     check::state().scene = mechanism.name;
     f(mechanism);
   }
+}
+
+void for_each_square(const std::function<void(const Mechanism&)>& f) {
+  for_each([&](const Mechanism& mechanism) {
+    if (!overdriven(mechanism.robot)) f(mechanism);
+  });
 }
 
 void for_each_model(const std::function<void(const Mechanism&, Level)>& f) {

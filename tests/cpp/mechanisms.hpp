@@ -86,21 +86,32 @@ Mechanism hexapod(const char* name, Actuator actuator);
 /// Six carriages on three pairs of horizontal rails along x.
 Mechanism hexaglide();
 
+/// Four arms and rods in a plane: one motor more than freedoms.
+Mechanism four_rrr();
+
+/// A platform on eight taut cables: two motors more than freedoms.
+Mechanism eight_cables();
+
 /// Calls f(mechanism) for each that no passive axes carry (theirs: rotational.hpp).
 void for_each(const std::function<void(const Mechanism&)>& f);
+/// The same for those with as many motors as freedoms.
+void for_each_square(const std::function<void(const Mechanism&)>& f);
 
 /// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
-/// mobility K, its n freedoms and its mechanism.
-#define TEST_EACH(list, statement)                                                        \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Mobility K, int n); \
-  TEST(statement) {                                                                       \
-    list([](const Mechanism& mechanism) {                                                 \
-      CHECK_JOIN(each_, __LINE__)                                                         \
-      (mechanism, mechanism.robot.mobility, dof(mechanism.robot.mobility));               \
-    });                                                                                   \
-  }                                                                                       \
-  static void CHECK_JOIN(each_, __LINE__)([[maybe_unused]] const Mechanism& mechanism,    \
-                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
+/// mobility K, its n freedoms, its motors and its mechanism.
+#define TEST_EACH(list, statement)                                                             \
+  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Mobility K, int n,       \
+                                          int motors);                                         \
+  TEST(statement) {                                                                            \
+    list([](const Mechanism& mechanism) {                                                      \
+      CHECK_JOIN(each_, __LINE__)                                                              \
+      (mechanism, mechanism.robot.mobility, dof(mechanism.robot.mobility),                     \
+       mechanism.robot.motors);                                                                \
+    });                                                                                        \
+  }                                                                                            \
+  static void CHECK_JOIN(each_, __LINE__)([[maybe_unused]] const Mechanism& mechanism,         \
+                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n, \
+                                          [[maybe_unused]] int motors)
 
 /// Calls f(mechanism, level) for each at its levels.
 void for_each_model(const std::function<void(const Mechanism&, Level)>& f);
@@ -108,15 +119,17 @@ void for_each_model(const std::function<void(const Mechanism&, Level)>& f);
 /// A statement about each robot at its levels. Its body has K, n, the level and the mechanism.
 #define TEST_MODELS(statement)                                                                 \
   static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level, Mobility K, \
-                                          int n);                                              \
+                                          int n, int motors);                                  \
   TEST(statement) {                                                                            \
     for_each_model([](const Mechanism& mechanism, Level level) {                               \
       CHECK_JOIN(each_, __LINE__)                                                              \
-      (mechanism, level, mechanism.robot.mobility, dof(mechanism.robot.mobility));             \
+      (mechanism, level, mechanism.robot.mobility, dof(mechanism.robot.mobility),              \
+       mechanism.robot.motors);                                                                \
     });                                                                                        \
   }                                                                                            \
   static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,             \
-                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n)
+                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n, \
+                                          [[maybe_unused]] int motors)
 
 /// A random pose of the box, shrunk by `part`.
 Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1);

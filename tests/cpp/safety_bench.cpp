@@ -7,7 +7,7 @@ Robot limited_robot(const Mechanism& mechanism) {
   Joint weight{};
   CHECK(place_poles(robot, robot.home, 1, 1, one));  // kp: the motors' inertia
   CHECK(hold(robot, to_pose(robot.mobility, robot.home), weight));
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const bool turns = robot.chain[i].actuator == Actuator::revolute;
     robot.chain[i].torque_limit = 4 * std::fabs(weight[i]) + (turns ? 600 : 200) * one.kp[i];
     robot.chain[i].encoder_step = turns ? 2 * std::numbers::pi / 14400 : 1e-5;
@@ -31,7 +31,7 @@ Effects effects_of(const Robot& robot, const Reality& reality) {
 
 Bench::Bench(const Mechanism& mechanism, Law law, FeedForward forward, const Reality& reality)
     : K(mechanism.robot.mobility),
-      n(dof(K)),
+      n(mechanism.robot.motors),
       robot(limited_robot(mechanism)),
       truth(true_robot(robot, reality)),
       prior(robot),

@@ -17,7 +17,7 @@ Robot rubbing(Robot robot, const Truth& truth) {
 StartBench::StartBench(const Robot& nominal, const Truth& is, const Coordinates* from,
                        double period)
     : K(nominal.mobility),
-      n(dof(K)),
+      n(nominal.motors),
       robot(rubbing(nominal, {})),
       truth(rubbing(nominal, is)),
       prior(robot),

@@ -29,7 +29,7 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
   at_each_level(mechanism.robot, [&](const Robot& robot) {
     const ModelInC model(robot);
     CHECK(same(model.outcome, {}));
-    CHECK(truepose_freedoms(model) == robot.motors);
+    CHECK(truepose_freedoms(model) == n && truepose_motors(model) == motors);
     CHECK(truepose_sensors(model) == robot.r);
     const Level level = level_of(robot);
     for (int k = 0; k < 20; ++k) {
@@ -85,7 +85,7 @@ TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
     Real least = 0, parallel = 0;
     Joint serial{};
     CHECK(same(truepose_ikm_pose(model, &pose, q_pose, &least), {}));
-    for (int i = 0; i < n; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
+    for (int i = 0; i < motors; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
     CHECK(conditioning(mechanism.robot, x, parallel, serial));
     for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
     CHECK_NEAR(least, parallel, 1e-10);
@@ -296,7 +296,7 @@ TEST_EACH(for_each,
           Extended q_e = readings_at(robot, setpoint.x);
           const bool comes = k % 10 == 8;
           if (k == 0 || comes) held = q_e;
-          std::copy_n(held.begin() + n, robot.r, q_e.begin() + n);
+          std::copy_n(held.begin() + motors, robot.r, q_e.begin() + motors);
           const std::uint64_t now = 1000000 * static_cast<std::uint64_t>(k + 1);
           const std::uint64_t time[kMaxSensors]{now - 7400000};
           const std::uint32_t all = comes ? late.which : 0;
@@ -632,9 +632,9 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
   const ModelInC c_model(robot);
   Model model;
   CHECK(model.load(c_model.table));
-  CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
+  CHECK(model.freedoms() == n && model.motors() == motors && model.sensors() == robot.r);
   for (const truepose_law law : {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
-    if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
+    if (law != TRUEPOSE_LAW_JOINT && redundancy(robot) == 0) continue;
     const Coordinates x = random_pose(mechanism, random);
     Extended q_e{};
     Joint q{}, e{};
@@ -649,7 +649,7 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
     CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
     const bool by_readings = law == TRUEPOSE_LAW_TEJ;
     CHECK((std::memcmp(cycle.tej, &tej, sizeof tej) == 0) == by_readings);
-    for (int i = 0; i < robot.motors; ++i) {
+    for (int i = 0; i < n; ++i) {
       const Real off = std::fabs(cycle.x[i] - x[i]);
       CHECK(law == TRUEPOSE_LAW_CARTESIAN ? off > 0 && off < 0.1 : off == 0);
     }
@@ -658,7 +658,7 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
   CHECK(Model().ikm(robot.home, untouched).status == Status::unfinished);
 }
 
-TEST_EACH(for_each,
+TEST_EACH(for_each_square,
           "joint states conserve power, and motor commands act on the joints as commanded") {
   check::Random random(12);
   const Robot& robot = mechanism.robot;

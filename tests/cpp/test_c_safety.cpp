@@ -70,7 +70,7 @@ TEST_EACH(
   CHECK(until == 3 && c.report.cause == TRUEPOSE_STOP_STALE_FRAME);
   CHECK(std::string(truepose_stop_cause_text(c.report.cause)) == "stale frame");
   for (int k = 0; k < 10000 && c.report.state != TRUEPOSE_SAFETY_FAULT; ++k) c.cycle();
-  CHECK(c.report.brakes == bit(n) - 1 && !c.report.follows);
+  CHECK(c.report.brakes == bit(motors) - 1 && !c.report.follows);
   CHECK(c.report.causes == 1U << TRUEPOSE_STOP_STALE_FRAME);
   c.begin();  // acknowledged
 }
@@ -93,11 +93,11 @@ TEST_EACH(for_each, "the shell alone in C gives what it gives around truepose's 
     truepose_safety_cycle cycle{};
     cycle.status = static_cast<int>(outcome.status);
     std::copy_n(setpoint.x.begin(), n, cycle.x);
-    std::copy_n(state.q_d.begin(), n, cycle.q_d);
-    std::copy_n(c.q_e.begin(), n, cycle.q);
-    std::copy_n(state.error.begin(), n, cycle.error);
-    std::copy_n(state.torque.begin(), n, cycle.torque);
-    std::copy_n(state.load.begin(), n, cycle.load);
+    std::copy_n(state.q_d.begin(), motors, cycle.q_d);
+    std::copy_n(c.q_e.begin(), motors, cycle.q);
+    std::copy_n(state.error.begin(), motors, cycle.error);
+    std::copy_n(state.torque.begin(), motors, cycle.torque);
+    std::copy_n(state.load.begin(), motors, cycle.load);
     c.cycle(marks);
     marks.counter = c.frame;
     CHECK(same(truepose_guard(c.model, &alone, &cycle, &marks, &report), {}));

@@ -85,7 +85,7 @@ struct Scene {
   /// Row i of the gain that a TEJ has, less that of the fresh weights.
   Extended apart(const ExtendedRows& tej, int i) const {
     Extended row{};
-    for (int c = 0; c < dof(K) + robot.r; ++c) {
+    for (int c = 0; c < readings(robot); ++c) {
       row[c] = -fusion.gain[i][c];
       for (int j = 0; j < dof(K); ++j) row[c] += J(i, j) * tej[j][c];
     }
@@ -95,7 +95,7 @@ struct Scene {
   double share(const Pose& pose, const ExtendedRows& tej) {
     look(pose);
     double most = 0;
-    const int rows = dof(K) + robot.r;
+    const int rows = readings(robot);
     for (int i = 0; i < dof(K); ++i) {
       const Extended row = apart(tej, i);
       double sum = 0;
@@ -113,7 +113,7 @@ struct Scene {
 /// Calls f(scene) for every mechanism with one sensor and with two, as drawn and after learning.
 template <class F>
 void for_each_scene(F&& f) {
-  mechanisms::for_each([&](const mechanisms::Mechanism& mechanism) {
+  mechanisms::for_each_square([&](const mechanisms::Mechanism& mechanism) {
     for (const int r : {1, 2})
       for (const int lines : {0, 60}) {
         Scene scene(mechanism, r, lines);
@@ -168,7 +168,7 @@ TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pos
       for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) {
           double sum = 0;
-          for (int c = 0; c < n + scene.robot.r; ++c) sum += old.tej[i][c] * M[c][j];
+          for (int c = 0; c < readings(scene.robot); ++c) sum += old.tej[i][c] * M[c][j];
           CHECK_NEAR(sum, i == j, 1e-11);
         }
       check::Random same(9);
@@ -183,7 +183,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
     const Mobility K = scene.K;
     const int n = dof(K);
     check::Random random(7);
-    const int rows = n + scene.robot.r;
+    const int rows = readings(scene.robot);
     for (int k = 0; k < 60; ++k) {
       const Coordinates x = scene.along(5e-3 * k);
       Extended q_e;  // of a robot beside x whose readings disagree by a few σ
@@ -222,7 +222,7 @@ TEST("another geometry, other knowledge, other noise: the weights follow in the 
   for_each_scene([](Scene& scene) {
     const int n = dof(scene.K);
     const Coordinates x = scene.along(0.3);
-    const int rows = n + scene.robot.r;
+    const int rows = readings(scene.robot);
     const auto as_before = scene.answer(x, scene.keeping()).tej;
     const auto follows = [&](const char* what, bool moves) {
       check::state().scene = std::string(scene.mechanism.name) + ": " + what;

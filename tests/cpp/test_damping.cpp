@@ -60,10 +60,10 @@ struct Lines {
   Eigen::VectorXd unit;
 
   explicit Lines(const Closure& closure) {
-    const int n = closure.carried.n;
-    A = Dense::Zero(n, n);
+    const int n = closure.carried.n, motors = closure.motors;
+    A = Dense::Zero(motors, n);
     unit = Eigen::VectorXd::Zero(n);
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < motors; ++i) {
       const Vec3 along = closure.chain[i].v.normalized(), lever = closure.chain[i].lever;
       const Vec3 moment = lever.cross(along);
       for (int j = 0; j < n; ++j) {
@@ -96,7 +96,8 @@ TEST_EACH(for_each,
     const Dense A = Lines(closure).A;
     double parallel = 0, scaled = 0;
     CHECK(conditioning(mechanism.robot, x, parallel, serial));
-    CHECK_NEAR(parallel, n / (A.norm() * reference::inverse(A).norm()), 1e-12);
+    CHECK_NEAR(parallel,
+               n / (A.norm() * reference::solve(A, Dense::Identity(motors, motors)).norm()), 1e-12);
     CHECK(parallel > 0.4 && parallel <= 1);
     Robot large = mechanism.robot;
     for (Chain& chain : large.chain) {
@@ -108,7 +109,7 @@ TEST_EACH(for_each,
       if (free_columns(K)[j] < 3) x[j] *= 1000;
     CHECK(conditioning(large, x, scaled, again));
     CHECK_NEAR(parallel, scaled, 1e-12);
-    for (int i = 0; i < n; ++i) CHECK_NEAR(serial[i], again[i], 1e-10);
+    for (int i = 0; i < motors; ++i) CHECK_NEAR(serial[i], again[i], 1e-10);
   }
 }
 
@@ -208,20 +209,20 @@ TEST_EACH(for_each,
     Closure closure;
     Jacobians exact, damped;
     if (!ikm(robot, to_pose(K, x), closure)) continue;  // by a rounding
-    if (jacobian(closure, exact)) paper = std::max(paper, largest(n, exact.joint_rate(rate)));
+    if (jacobian(closure, exact)) paper = std::max(paper, largest(motors, exact.joint_rate(rate)));
     const Conditioning conditioning(closure);
     int stretched = 0;
-    while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
+    while (stretched < motors && conditioning.serial(stretched) >= kBand) ++stretched;
     const Closure as_is = closure;
     const Outcome outcome = jacobian(closure, kBand, damped);
     const bool dependent = conditioning.parallel() < kBand;
-    CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
-    if (!dependent) CHECK(outcome.chain == (stretched < n ? stretched : -1));
-    CHECK(all_finite(damped.joint_rate(rate), n));
-    for (int i = 0; i < n; ++i)
+    CHECK(outcome.status == (stretched < motors || dependent ? Status::near_singular : Status::ok));
+    if (!dependent) CHECK(outcome.chain == (stretched < motors ? stretched : -1));
+    CHECK(all_finite(damped.joint_rate(rate), motors));
+    for (int i = 0; i < motors; ++i)
       CHECK(std::fabs(damped.joint_rate(rate)[i]) * closure.chain[i].dB.norm() <=
             kGain * (1 + 1e-9));
-    for (int i = 0; i < n; ++i) {  // 1/s of its part s along the rod becomes s/(s² + λ²)
+    for (int i = 0; i < motors; ++i) {  // 1/s of its part s along the rod becomes s/(s² + λ²)
       const double size = as_is.chain[i].v.norm() * as_is.chain[i].dB.norm();
       const double s = as_is.chain[i].jq / size;
       const double lambda2 = s * s < kBand * kBand ? 0.25 * (kBand * kBand - s * s) : 0;
@@ -230,7 +231,7 @@ TEST_EACH(for_each,
     // Readings that see the motor, and all laws, follow the bounded rates.
     for (int k = 0; k < 2; ++k) {
       robot.sensor[k].kind = k == 0 ? SensorKind::rod_in_plane : SensorKind::motor_encoder;
-      robot.sensor[k].chain = stretched % n;
+      robot.sensor[k].chain = stretched % motors;
     }
     ControlSettings settings;
     settings.law = Law::tej;
@@ -241,7 +242,7 @@ TEST_EACH(for_each,
     if (!extended(Level::ideal, robot, to_pose(K, x), q_e)) continue;
     ControlState state;
     CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
-    CHECK(all_finite(state.torque, n) && largest(n, state.torque) < 1e4);
+    CHECK(all_finite(state.torque, motors) && largest(motors, state.torque) < 1e4);
   }
   CHECK(paper > 10 * kGain);
 }

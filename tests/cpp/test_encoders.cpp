@@ -13,7 +13,7 @@ constexpr std::array<double, 4> kAmplitude{0.03, -0.02, 0.01, 0.015};
 /// The robot with every revolute motor's encoder off its centre, in the order of the chains, and
 /// with a gain of every motor but the first; one counts backwards.
 Robot eccentric(Robot robot) {
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     std::array<double, 4> amplitude = kAmplitude;
     for (double& value : amplitude) value *= 1 + 0.3 * i;
     if (robot.chain[i].actuator == Actuator::revolute)
@@ -66,7 +66,7 @@ TEST_EACH(for_each,
     CHECK(ikm(wobbly, pose, closure) && jacobian(closure, jacobians));
     CHECK(dynamic_model(wobbly, closure, rate, model));
     const Joint again = inverse_dynamics(model, jacobians.J, b);
-    for (int i = 0; i < n; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
+    for (int i = 0; i < n && motors == n; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
   }
 }
 
@@ -121,11 +121,12 @@ TEST_EACH(for_each, "conditioning and pole placement do not depend on how an enc
   CHECK(place_poles(robot, robot.home, 100, 1, other));
   Joint q{};
   CHECK(ikm(Level::ideal, robot, robot.home, q));
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     CHECK_NEAR(serial[i], again[i], 1e-12);
     // The same torque for the same error of the motor: kp per reading, slope readings per angle.
     const double slope = driven_point(robot.chain[i], q[i]).rate;
-    CHECK_NEAR(other.kp[i] / slope, one.kp[i], 1e-9 * one.kp[i]);
+    if (motors == n)  // else J weighs the readings alike, in their units
+      CHECK_NEAR(other.kp[i] / slope, one.kp[i], 1e-9 * one.kp[i]);
   }
 }
 
@@ -135,7 +136,7 @@ TEST_EACH(for_each,
   Coordinates x = robot.home;
   Joint q{};
   CHECK(ikm(Level::ideal, robot, robot.home, q));
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < motors; ++i)
     for (const bool above : {true, false}) {
       Robot limited = robot;
       Chain& chain = limited.chain[i];

@@ -19,7 +19,7 @@ struct Scene {
 
   Scene(const Mechanism& mechanism, check::Random& random) : robot(mechanism.robot) {
     robot.r = 2;
-    for (int i = 0; i < dof(robot.mobility); ++i)
+    for (int i = 0; i < robot.motors; ++i)
       for (int k = 0; k < 11; ++k) {
         const bool rigid = robot.chain[i].actuator != Actuator::revolute;
         if (rigid && k == static_cast<int>(ChainParameter::arm)) continue;
@@ -43,7 +43,7 @@ struct Dense {
 
 Dense dense(Level level, const Scene& scene, const Pose& pose) {
   const int n = dof(scene.robot.mobility);
-  const int rows = n + scene.robot.r, p = scene.known.count;
+  const int rows = readings(scene.robot), p = scene.known.count;
   const int width = parameter_count(scene.robot);
   Extended q_e;
   PoseRows H_x;
@@ -77,7 +77,7 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
   PoseRows H_x;
   ReadingCovariance C;
   Fusion fusion;
-  const int rows = n + robot.r;
+  const int rows = readings(robot);
   Parasitic rest;
   CHECK(linearise(level, robot, pose, q_e, H_x, scene.work.data(), &rest));
   CHECK(reading_covariance(robot, scene.known, scene.work.data(),
@@ -123,18 +123,18 @@ TEST_MODELS(
     CHECK(exact.chi2 < 1e-9);
 
     // Readings that no pose explains: HᵀC⁻¹(q_e - h(x̂)) = 0, C as taken where the motors say.
-    for (int c = 0; c < n + robot.r; ++c) q_e[c] += 3e-4 * random();
+    for (int c = 0; c < readings(robot); ++c) q_e[c] += 3e-4 * random();
     Joint q{};
-    std::copy_n(q_e.begin(), n, q.begin());
-    Pose motors = pose;
-    CHECK(motors_pose(level, robot, q, motors, rest) == Status::ok);
+    std::copy_n(q_e.begin(), motors, q.begin());
+    Pose by_motors = pose;
+    CHECK(motors_pose(level, robot, q, by_motors, rest) == Status::ok);
     found = nearby(K, pose, random, 1e-3);
     const Estimate best = estimate(level, robot, scene.known, q_e, found, scene.work.data());
     CHECK(best);
-    const Eigen::MatrixXd weights = reference::inverse(dense(level, scene, motors).C);
+    const Eigen::MatrixXd weights = reference::inverse(dense(level, scene, by_motors).C);
     const Eigen::MatrixXd H = dense(level, scene, found).H;
     CHECK(linearise(level, robot, found, expected, H_x, nullptr, &rest));
-    Eigen::VectorXd residual(n + robot.r);
+    Eigen::VectorXd residual(readings(robot));
     for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
     const Eigen::MatrixXd normal = H.transpose() * weights * H;
     const Eigen::VectorXd step = reference::solve(normal, H.transpose() * weights * residual);

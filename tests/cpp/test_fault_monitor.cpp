@@ -18,7 +18,7 @@ constexpr double kPeriod = 1e-3;
 class Scene {
  public:
   explicit Scene(const Mechanism& mechanism)
-      : n(dof(mechanism.robot.mobility)), robot(mechanism.robot), home_(robot.home) {
+      : n(mechanism.robot.motors), robot(mechanism.robot), home_(robot.home) {
     known.sigma.fill(1e-5);
     work_.resize(static_cast<std::size_t>(estimate_work(robot, 0)));
     settings.false_alarm = 1e-9;
@@ -29,12 +29,13 @@ class Scene {
   /// Cycle k of a smooth path about home: where the robot is.
   Coordinates at(int k) const {
     Coordinates x = home_;
-    for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(2 * kPeriod * k * (3 + i));
+    for (int i = 0; i < dof(robot.mobility); ++i)
+      x[i] += 0.02 * std::sin(2 * kPeriod * k * (3 + i));
     return x;
   }
   Extended read(int k) const {
     Extended q_e = readings_at(robot, at(k));
-    for (int c = 0; c < n + robot.r; ++c) q_e[c] = quantized(q_e[c], 3e-5);
+    for (int c = 0; c < readings(robot); ++c) q_e[c] = quantized(q_e[c], 3e-5);
     return q_e;
   }
   Outcome cycle(int k, const Extended& q_e) {
@@ -124,7 +125,7 @@ TEST_EACH(for_each,
         !parity.locate(robot, nearby(K, at, random, 1e-3), q_e, Extended{}))
       continue;
     for (int k = 0; k < robot.r; ++k) CHECK_NEAR(parity.value[k], 0, 1e-6);  // of 1 mm the square
-    for (int c = 0; c < n + robot.r; ++c) {
+    for (int c = 0; c < readings(robot); ++c) {
       const double step = 1e-6;
       Extended wrong = q_e;
       wrong[c] += step;
@@ -142,12 +143,12 @@ TEST_EACH(for_each, "readings of a healthy robot stay valid, and are believed as
   for (int k = 0; k < 1000; ++k) {
     const Extended q_e = scene.read(k);
     CHECK(scene.cycle(k, q_e).status == Status::ok);
-    for (int c = 0; c < scene.n + scene.robot.r; ++c) CHECK(scene.believed[c] == q_e[c]);
+    for (int c = 0; c < readings(scene.robot); ++c) CHECK(scene.believed[c] == q_e[c]);
   }
 }
 
 TEST_EACH(for_each, "a jump, a dropout and a spike are found in their cycle, in whatever reading") {
-  const int rows = n + mechanism.robot.r;
+  const int rows = readings(mechanism.robot);
   for (int c = 0; c < rows; ++c)
     for (const double wrong : {0.5, static_cast<double>(NAN)}) {
       Scene scene(mechanism);
@@ -172,7 +173,7 @@ TEST_EACH(for_each, "a motor that drops out is extrapolated with its following e
 }
 
 TEST_EACH(
-    for_each,
+    for_each_square,
     "a motor that returns is believed where its largest acceleration took it, but no farther") {
   constexpr double fastest = 2000;
   for (int missing = 0; missing < 5; ++missing)
@@ -207,7 +208,7 @@ TEST_EACH(for_each, "a disagreement is undecided once it has lasted as many cycl
     int doubtful = 0;
     for (int k = 0; k < 100 && !scene.seen.undecided; ++k) {
       // From the start on: each reading alone explains it.
-      const bool alarm = scene.cycle(k, n, 0.01).status == Status::disagree;
+      const bool alarm = scene.cycle(k, motors, 0.01).status == Status::disagree;
       doubtful += alarm && !scene.seen.undecided;
     }
     CHECK(scene.seen.undecided);
@@ -254,7 +255,7 @@ TEST_EACH(
   Prior prior(mechanism.robot);
   prior.known().sigma.fill(1e-7);
   Robot truth = mechanism.robot;
-  for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
+  for (int i = 0; i < truth.motors; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
   const auto cycle = [&](Scene& scene, double rate, int k, double jump) {
     Coordinates x = truth.home;
     for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(rate * kPeriod * k * (3 + i));
@@ -286,7 +287,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "a monitor begins with the first readings that have a pose") {
-  for (int c = 0; c < n; ++c) {
+  for (int c = 0; c < motors; ++c) {
     Scene scene(mechanism);
     for (int k = 0; k < 10; ++k) {
       const Outcome outcome = scene.cycle(k, c, NAN);
@@ -298,7 +299,7 @@ TEST_EACH(for_each, "a monitor begins with the first readings that have a pose")
 
 TEST_EACH(for_each,
           "what stands for a sensor that is gone, or never said anything, is what the motors say") {
-  for (int c = n; c < n + mechanism.robot.r; ++c)
+  for (int c = mechanism.robot.motors; c < readings(mechanism.robot); ++c)
     for (const auto& [nothing, begin] : {std::pair<double, int>{NAN, 100}, {NAN, 0}, {1e308, 0}}) {
       Scene scene(mechanism);
       CHECK(scene.healthy(begin));
@@ -311,7 +312,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "whole turns that an encoder loses are nothing that has moved") {
-  for (int c = 0; c < n + mechanism.robot.r; ++c) {
+  for (int c = 0; c < readings(mechanism.robot); ++c) {
     const double turn = 2 * std::numbers::pi;
     if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
     Scene scene(mechanism);
@@ -336,8 +337,7 @@ TEST_EACH(for_each, "spikes of long ago are not held against a reading when anot
 TEST("what the law sees changes in the cycle in which something else stands for a reading") {
   long holds = 0;
   for_each([&](const Mechanism& mechanism) {
-    const Mobility K = mechanism.robot.mobility;
-    for (int c = 0; c < dof(K) + mechanism.robot.r; ++c) {
+    for (int c = 0; c < readings(mechanism.robot); ++c) {
       Scene scene(mechanism);
       CHECK(scene.healthy(100));
       const double still = scene.read(100)[c];
@@ -359,7 +359,9 @@ TEST("what the law sees changes in the cycle in which something else stands for 
         // Where a motor is one of several that may be wrong, its setpoint stands for it.
         const std::uint32_t doubted = scene.seen.doubted;
         const bool several = doubted & bit(c) && doubted & (doubted - 1);
-        if (c >= dof(K) || !several || undecided || scene.seen.reading[c].bridged > 0) continue;
+        if (c >= mechanism.robot.motors || !several || undecided ||
+            scene.seen.reading[c].bridged > 0)
+          continue;
         if (scene.believed[c] == q_e[c]) continue;
         CHECK(scene.seen.held & bit(c));
         ++holds;
@@ -376,16 +378,16 @@ TEST_EACH(for_each, "where a motor has failed as well, a sensor that has does no
   for (int k = 100; k < 1100; ++k) {
     const Extended right = scene.read(k);
     Extended q_e = right;
-    q_e[0] = q_e[n] = NAN;
+    q_e[0] = q_e[motors] = NAN;
     static_cast<void>(scene.cycle(k, q_e));
-    CHECK_NEAR(scene.believed[n], right[n], 0.02);
+    CHECK_NEAR(scene.believed[motors], right[motors], 0.02);
   }
   CHECK(scene.seen.lost == bit(0));
 }
 
 TEST_EACH(for_each,
           "a noisy reading is smoothed with a larger sigma, and never excluded for its noise") {
-  for (int c = 0; c < n + mechanism.robot.r; ++c) {
+  for (int c = 0; c < readings(mechanism.robot); ++c) {
     Scene scene(mechanism);
     check::Random random(4);
     CHECK(scene.healthy(200));
@@ -406,7 +408,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "a loose contact is no noise: it is bridged, and fails at the third time") {
-  for (int c = 0; c < n + mechanism.robot.r; ++c)
+  for (int c = 0; c < readings(mechanism.robot); ++c)
     for (const int lasts : {1, 2, 3}) {
       Scene scene(mechanism);
       CHECK(scene.healthy(200));
@@ -420,7 +422,7 @@ TEST_EACH(for_each, "a loose contact is no noise: it is bridged, and fails at th
 
 TEST_EACH(for_each,
           "a held reading stands still after 1.5 of its intervals and 1.5 of its grains") {
-  for (int c = 0; c < n; ++c) {
+  for (int c = 0; c < motors; ++c) {
     Scene scene(mechanism);
     scene.robot.r = 0;  // no parity isolates it before
     scene.settings.moved.fill(2e-4);
@@ -446,7 +448,7 @@ TEST_EACH(for_each,
 TEST("a sensor at which a law holds the platform is not stuck, whatever the motors' encoders say") {
   int stuck = 0;
   for_each([&](const Mechanism& mechanism) {
-    const int n = dof(mechanism.robot.mobility);
+    const int n = mechanism.robot.motors;
     for (const bool held : {true, false}) {
       Scene scene(mechanism);
       scene.settings.chi2.fill(1e12);  // a geometry so unknown that nothing disagrees
@@ -458,7 +460,7 @@ TEST("a sensor at which a law holds the platform is not stuck, whatever the moto
         std::copy_n(scene.read(k).begin(), n, q_e.begin());
         static_cast<void>(scene.cycle(k, q_e));
       }
-      for (int c = n; c < n + mechanism.robot.r; ++c) {
+      for (int c = mechanism.robot.motors; c < readings(mechanism.robot); ++c) {
         if (held) CHECK(scene.seen.reading[c].health == Health::valid);
         stuck += !held && scene.seen.reading[c].symptom == Symptom::stuck;
       }
@@ -470,7 +472,7 @@ TEST("a sensor at which a law holds the platform is not stuck, whatever the moto
 TEST_EACH(
     for_each,
     "a reading that is held, or changes more rarely as the robot slows down, is no frozen one") {
-  for (int c = 0; c < n; ++c)
+  for (int c = 0; c < motors; ++c)
     for (const bool coarse : {false, true}) {
       Scene scene(mechanism);
       scene.settings.moved.fill(2e-4);

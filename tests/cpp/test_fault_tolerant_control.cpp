@@ -15,12 +15,15 @@ constexpr double kPeriod = 1e-3;
 /// A robot at rest, its readings off by what no calibration has told, under a fault-tolerant law.
 struct FaultTolerantRobot {
   explicit FaultTolerantRobot(const Mechanism& mechanism)
-      : K(mechanism.robot.mobility), n(dof(K)), robot(mechanism.robot), prior(robot) {
+      : K(mechanism.robot.mobility),
+        n(mechanism.robot.motors),
+        robot(mechanism.robot),
+        prior(robot) {
     known = !!place_poles(robot, robot.home, 100, 1, settings);
     fault_settings.monitor.fastest.fill(500);
     prepare(fault_settings.monitor);
     Robot truth = robot;
-    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (i + 1);
+    for (int i = 0; i < robot.motors; ++i) truth.chain[i].encoder_offset += 2e-4 * (i + 1);
     known = known && extended(Level::ideal, truth, to_pose(K, robot.home), readings);
     setpoint.x = robot.home;
   }
@@ -84,7 +87,7 @@ TEST_EACH(for_each, "a change of law, or of the geometry, is no step of the torq
   Robot robot = mechanism.robot;
   robot.chain[0].torque_limit = 0;
   Robot truth = robot;
-  for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
+  for (int i = 0; i < robot.motors; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
   ControlSettings settings;
   if (!place_poles(robot, robot.home, 100, 1, settings)) return;
   Knowledge known;
@@ -102,7 +105,7 @@ TEST_EACH(for_each, "a change of law, or of the geometry, is no step of the torq
     settings.law = law;
     for (int k = 0; k < 300; ++k) {
       CHECK(control(robot, settings, setpoint, q_e, state, weighing));
-      for (int i = 0; i < n; ++i) {
+      for (int i = 0; i < motors; ++i) {
         // A smooth fade over 0.2 s: 1.5/200 of the difference in a cycle, which the errors bound.
         const double most = 1e-9 + 0.02 * settings.kp[i];
         CHECK(first || std::fabs(state.torque[i] - last[i]) < most);
@@ -208,7 +211,7 @@ TEST_EACH(for_each, "a lost motor follows its feed-forward into its brake until 
 TEST_EACH(for_each, "a learner goes back to before the lines of a reading that has failed since") {
   const Robot& robot = mechanism.robot;
   Robot truth = robot;
-  for (int i = 0; i < n; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
+  for (int i = 0; i < robot.motors; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
   Prior prior(robot);
   OnlineCalibrator learner = prior.learner(robot);
   CHECK(roll_back(learner));  // nothing yet
@@ -228,7 +231,7 @@ TEST_EACH(for_each, "a learner goes back to before the lines of a reading that h
   CHECK(std::find(past.end() - 2 * kEvery, past.end(), now) != past.end());
   Robot known = robot;
   CHECK(set_parameters(robot, now.data(), known));
-  for (int i = 0; i < n; ++i) CHECK(learner.robot.chain[i].rod == known.chain[i].rod);
+  for (int i = 0; i < robot.motors; ++i) CHECK(learner.robot.chain[i].rod == known.chain[i].rod);
   CHECK(learner.state.doubt.evidence == 0);
 }
 

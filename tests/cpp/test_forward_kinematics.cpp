@@ -65,7 +65,7 @@ TEST_EACH(
     const FkmResult capped = from_home(cap, short_of);
     CHECK(capped.status == Status::not_converged && capped.iterations == cap);
     Joint beyond = q;  // no pose: known without a step, or not found within the cap
-    for (int i = 0; i < n; ++i) beyond[i] += 1;
+    for (int i = 0; i < motors; ++i) beyond[i] += 1;
     CHECK(from_home(12, again).iterations <= 12);
   }
 }
@@ -94,7 +94,7 @@ TEST_EACH(for_each,
       }
       Closure closed;  // on the same motors
       CHECK(ikm(robot, found, closed));
-      for (int i = 0; i < 6; ++i)
+      for (int i = 0; i < motors; ++i)
         CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * std::numbers::pi), 0,
                    1e-9);
     }
@@ -113,7 +113,7 @@ TEST_EACH(for_each, "the residual the FKM reports is the largest gap that is lef
     Pose pose = to_pose(K, robot.home);
     const FkmResult result = fkm(robot, closure.q(), pose);
     double gap = 0;
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < motors; ++i) {
       const Driven driven = driven_point(robot.chain[i], closure.chain[i].q);
       const Vec3 A = pose.D + pose.R * robot.chain[i].pivot + robot.chain[i].anchor;
       gap = std::max(gap, std::fabs((robot.chain[i].base + driven.p - A).norm() - driven.rod));
@@ -171,8 +171,8 @@ TEST_EACH(for_each, "both working modes of every arm are forward models of their
   check::Random random(16);
   Robot robot = mechanism.robot;
   int tried = 0;
-  for (int modes = 0; modes < 1 << n; ++modes) {
-    for (int i = 0; i < n; ++i) robot.chain[i].working_mode = modes >> i & 1 ? 1 : -1;
+  for (int modes = 0; modes < 1 << motors; ++modes) {
+    for (int i = 0; i < motors; ++i) robot.chain[i].working_mode = modes >> i & 1 ? 1 : -1;
     if (!finish(robot)) continue;
     const Pose pose = to_pose(K, robot.home);
     Closure closure;
@@ -181,10 +181,10 @@ TEST_EACH(for_each, "both working modes of every arm are forward models of their
     double largest = 0;  // of J: how far 1e-5 m is from a singularity of this mode
     CHECK(jacobian(closure, jacobians));
     for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j) largest = std::max(largest, std::fabs(jacobians.J[i][j]));
+      for (int j = 0; j < motors; ++j) largest = std::max(largest, std::fabs(jacobians.J[i][j]));
     if (largest > 30) continue;
     ++tried;
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < motors; ++i)
       CHECK(robot.chain[i].actuator == Actuator::telescopic ||
             closure.chain[i].jq * robot.chain[i].working_mode > 0);
     Pose found = nearby(K, pose, random, 1e-5);
@@ -192,4 +192,35 @@ TEST_EACH(for_each, "both working modes of every arm are forward models of their
     CHECK_NEAR(distance(K, found, pose), 0, 1e-12);
   }
   CHECK(tried >= 2);
+}
+
+TEST("of readings that no pose closes the FKM of redundant motors is their least squares") {
+  for (const Mechanism& mechanism : {four_rrr(), eight_cables()}) {
+    check::state().scene = mechanism.name;
+    const Robot& robot = mechanism.robot;
+    const Mobility K = robot.mobility;
+    check::Random random(17);
+    for (int k = 0; k < 300; ++k) {
+      Closure closure;
+      Jacobians jacobians;
+      const Pose pose = to_pose(K, random_pose(mechanism, random));
+      CHECK(ikm(robot, pose, closure));
+      Joint q = closure.q(), rest{};
+      for (int i = 0; i < robot.motors; ++i) q[i] += 1e-3 * random();
+      Pose near = nearby(K, pose, random, 1e-3), far = to_pose(K, robot.home);
+      const FkmResult result = fkm(robot, q, near);
+      CHECK(result && fkm(robot, q, far));
+      CHECK_NEAR(distance(K, near, far), 0, 1e-11);
+      CHECK(result.residual > 1e-6 && result.residual < 2e-3 && result.iterations < 16);
+      CHECK(ikm(robot, near, closure) && jacobian(closure, jacobians));
+      for (int i = 0; i < robot.motors; ++i) rest[i] = q[i] - closure.chain[i].q;
+      const Coordinates step = pose_rate(jacobians, rest);  // to second order in the residual
+      for (int j = 0; j < dof(K); ++j) CHECK_NEAR(step[j], 0, 1e-4);
+    }
+    Joint q;
+    CHECK(ikm(robot, robot.home, q));
+    q[0] += 0.3;  // a reading of another posture
+    Coordinates x = robot.home;
+    CHECK(fkm(robot, q, x).status == Status::not_converged);
+  }
 }

@@ -9,7 +9,7 @@ namespace {
 /// Largest gap of a rod, from the points themselves: what full.hpp's algebra must come to.
 double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
   double gap = 0;
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Mat3 R = chain.bar < 0 ? pose.R : pose.R * rotation_z(pose.psi[chain.bar]);
     for (const double side : {1.0, -1.0}) {
@@ -34,7 +34,7 @@ TEST_EACH(for_each_full,
   const long robots = check::sample_size(10000);
   for (long k = 0; k < robots; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
-    for (int i = 0; i < n; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
+    for (int i = 0; i < robot.motors; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
     if (!finish_full(robot) || robot.full.kind != FullKind::exists) ++lost;
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     FullClosure closure, back;
@@ -93,7 +93,7 @@ TEST(
   const long robots = check::sample_size(500);
   for (long k = 0; k < robots; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
-    for (int i = 0; i < dof(K); ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
+    for (int i = 0; i < robot.motors; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
     CHECK(finish_full(robot) && robot.full.kind == FullKind::elastic);
     const Pose pose = to_pose(K, random_pose(mechanism, random));
     FullClosure there, back;

@@ -129,7 +129,6 @@ TEST("a robot without a full level says so, whatever it is asked") {
 
 TEST("the full level is as honest as the ideal one about what it cannot answer") {
   for_each_full([](const Mechanism& mechanism) {
-    const Mobility K = mechanism.robot.mobility;
     const Robot& robot = mechanism.robot;
     Coordinates x = robot.home;
     Joint q{};
@@ -161,7 +160,7 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     mirrored.full.sign = -robot.full.sign;
     x = robot.home;
     CHECK(fkm(Level::full, mirrored, q, x).status == Status::branch_lost);
-    for (int i = 0; i < dof(K); ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
+    for (int i = 0; i < robot.motors; ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
     mirrored.full.sign = robot.full.sign;
     x = robot.home;
     CHECK(fkm(Level::full, mirrored, q, x).status == Status::branch_lost);

@@ -33,7 +33,7 @@ TEST_EACH(for_each,
     Jacobians jacobians;
     CHECK(ikm(mechanism.robot, pose, closure));
     CHECK(jacobian(closure, jacobians));
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < motors; ++i) {
       const Chain& chain = mechanism.robot.chain[i];
       const auto closed = [&](const Pose& at, double q) {
         const Driven driven = driven_point(chain, q);
@@ -52,7 +52,8 @@ TEST_EACH(for_each,
   }
 }
 
-TEST_EACH(for_every, "J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
+TEST_EACH(for_every,
+          "K is the derivative of the inverse model, joint_rate() applies it, and J K = 1") {
   check::Random random(33);
   for (int k = 0; k < 50; ++k) {
     const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
@@ -62,18 +63,37 @@ TEST_EACH(for_every, "J⁻¹ is the derivative of the inverse model, and joint_r
     CHECK(jacobian(closure, jacobians));
     for (int j = 0; j < n; ++j) {
       const Joint rate = jacobians.joint_rate(unit(j, 1));
-      for (int i = 0; i < n; ++i) {
+      for (int i = 0; i < motors; ++i) {
         const double slope = derivative([&](double h) {
           Closure there;
           CHECK(ikm(mechanism.robot, moved(K, pose, unit(j, h)), there));
           return there.chain[i].q;
         });
         CHECK_NEAR(rate[i], slope, 1e-8 * (1 + std::fabs(slope)));
-        double back = 0;  // J J⁻¹
-        for (int m = 0; m < n; ++m) back += jacobians.J[i][m] * rate[m];
-        CHECK_NEAR(back, i == j, 1e-11);
+      }
+      const Coordinates back = pose_rate(jacobians, rate);  // J K
+      for (int i = 0; i < n; ++i) CHECK_NEAR(back[i], i == j, 1e-11);
+    }
+  }
+}
+
+TEST_EACH(for_every, "J K J = J, and K J is symmetric: J is the pseudo-inverse of K") {
+  check::Random random(36);
+  for (int k = 0; k < 20; ++k) {
+    Closure closure;
+    Jacobians jacobians;
+    CHECK(ikm(mechanism.robot, to_pose(K, random_pose(mechanism, random, reach(K))), closure));
+    CHECK(jacobian(closure, jacobians));
+    reference::Dense J(n, motors), inverse(motors, n);
+    for (int j = 0; j < n; ++j) {
+      const Joint rate = jacobians.joint_rate(unit(j, 1));
+      for (int i = 0; i < motors; ++i) {
+        J(j, i) = jacobians.J[j][i];
+        inverse(i, j) = rate[i];
       }
     }
+    CHECK((J * inverse * J - J).norm() < 1e-11 * J.norm());
+    CHECK((inverse * J - (inverse * J).transpose()).norm() < 1e-10);
   }
 }
 
@@ -116,7 +136,8 @@ TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is
       Jacobians jacobians;
       CHECK(ikm(mechanism.robot, to_pose(K, random_pose(mechanism, random)), closure));
       CHECK(jacobian(closure, jacobians));
-      CHECK(jacobians.sign == determinant_sign(dof(K), jacobians.jx));
+      const bool square = mechanism.robot.motors == dof(K);
+      CHECK(jacobians.sign == (square ? determinant_sign(dof(K), jacobians.jx) : 0));
       CHECK(Conditioning(closure).sign() == jacobians.sign);
     }
   });

@@ -24,7 +24,7 @@ TEST_EACH(for_each, "for readings that agree, every law sees the joint error to 
         CHECK(motor_error(robot, Law::joint, reference, q_e, joint, estimate));
         CHECK(motor_error(robot, law, reference, q_e, error, estimate, prior.weighing()));
         double largest = 0;
-        for (int i = 0; i < n; ++i) {
+        for (int i = 0; i < motors; ++i) {
           CHECK(std::fabs(joint[i]) < 30 * size);
           largest = std::max(largest, std::fabs(error[i] - joint[i]));
         }
@@ -49,8 +49,9 @@ TEST_EACH(
   Reference paper, weighted;
   CHECK(refer(robot, Law::tej, x, paper));
   CHECK(refer(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
-  for (int i = 0; i < n; ++i)
-    for (int c = 0; c < n + robot.r; ++c) CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
+  for (int i = 0; i < motors; ++i)
+    for (int c = 0; c < readings(robot); ++c)
+      CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
 }
 
 TEST_EACH(for_each,
@@ -64,14 +65,14 @@ TEST_EACH(for_each,
     Reference paper, reference;
     CHECK(refer(robot, Law::tej, x, paper));
     CHECK(refer(robot, Law::cartesian, x, reference));
-    for (int c = 0; c < n + robot.r; ++c) {
+    for (int c = 0; c < readings(robot); ++c) {
       constexpr double kOff = 1e-5;
       Extended q_e = reference.q_e;
       q_e[c] -= kOff;
       Joint error{};
       Pose found;
       CHECK(motor_error(robot, Law::cartesian, reference, q_e, error, found));
-      for (int i = 0; i < n; ++i) CHECK_NEAR(error[i] / kOff, paper.tej[i][c], 2e-3);
+      for (int i = 0; i < motors; ++i) CHECK_NEAR(error[i] / kOff, paper.tej[i][c], 2e-3);
     }
   }
 }

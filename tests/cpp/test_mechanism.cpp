@@ -138,9 +138,9 @@ double row_error(const engine::Mechanism& m, const engine::Row& y) {
 
 double condition(const Robot& robot, const JointMatrix& J) {
   const int n = dof(robot.mobility);
-  Eigen::MatrixXd dense(n, n);
+  Eigen::MatrixXd dense(n, robot.motors);
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) dense(i, j) = J[i][j];
+    for (int j = 0; j < robot.motors; ++j) dense(i, j) = J[i][j];
   const Eigen::VectorXd sizes = Eigen::JacobiSVD<Eigen::MatrixXd>(dense).singularValues();
   return std::max(1.0, sizes(0) / sizes(n - 1));
 }
@@ -160,7 +160,7 @@ TEST_EACH(for_every,
     JointMatrix J;
     if (!ikm(Level::ideal, robot, x, q) || !jacobian(Level::ideal, robot, x, J)) continue;
     const double unit = condition(robot, J);
-    for (int i = 0; i < n; ++i) start[i] = q[i] + 1e-3 * random();
+    for (int i = 0; i < motors; ++i) start[i] = q[i] + 1e-3 * random();
     Built built;
     build(robot, Layout::ideal, built);
     const engine::Mechanism& m = built.mechanism;
@@ -169,14 +169,15 @@ TEST_EACH(for_every,
     back.y = stand(robot, built, q, nearby(K, pose, random, 1e-3));
     if (!engine::close(m, at, engine::inverse(m)) || !engine::close(m, back, engine::forward(m)))
       ++lost;
-    for (int i = 0; i < n; ++i)
+    for (int i = 0; i < motors; ++i)
       q_apart = std::max(q_apart, std::fabs(motor_reading(robot.chain[i], at.y[i]) - q[i]) / unit);
     Coordinates found{};
-    std::copy_n(back.y.begin() + n, n, found.begin());
+    std::copy_n(back.y.begin() + motors, n, found.begin());
     x_apart = std::max(x_apart, distance(K, to_pose(K, found), pose) / unit);
     Matrix<kMaxUnknowns, kMaxUnknowns> rates;
     CHECK(engine::follow(m, at, engine::forward(m), engine::motors(m), rates));
-    for (int i = 0; i < n; ++i)
+    // The closures of redundant motors weigh the engine's least squares, the readings those of J.
+    for (int i = 0; i < n && motors == n; ++i)
       for (int j = 0; j < n; ++j) {
         const Chain& chain = robot.chain[j];
         const double rate = 1 / encode(chain, at.y[j]).slope;
@@ -208,8 +209,8 @@ TEST_EACH(for_every, "readings and H_x of a description are those of the robot's
     engine::place(built.mechanism, at);
     Extended same;
     CHECK(linearise(robot, built, at, pose.theta, same, by_engine, nullptr));
-    for (int e = 0; e < n + robot.r; ++e) apart = std::max(apart, std::fabs(q_e[e] - same[e]));
-    for (int e = 0; e < n + robot.r; ++e)
+    for (int e = 0; e < readings(robot); ++e) apart = std::max(apart, std::fabs(q_e[e] - same[e]));
+    for (int e = 0; e < readings(robot); ++e)
       for (int j = 0; j < n; ++j)
         apart =
             std::max(apart, std::fabs(H_x[e][j] - by_engine[e][j]) / (1 + std::fabs(H_x[e][j])));

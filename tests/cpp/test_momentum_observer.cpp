@@ -14,6 +14,7 @@ class Scene {
  public:
   Scene(const Mechanism& mechanism, double count, std::uint64_t seed)
       : n(dof(mechanism.robot.mobility)),
+        motors(mechanism.robot.motors),
         robot(mechanism.robot),
         truth(counted(mechanism.robot, count)),
         box_(mechanism.box),
@@ -21,7 +22,7 @@ class Scene {
         control_settings(settings_for(robot, Law::joint)) {
     check::Random random(seed);
     for (int i = 0; i < n; ++i) phase_[i] = 3 * random();
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < motors; ++i) {
       unit[i] = 5e-5 * control_settings.kp[i];
       // Counts through the filter, of the motor's inertia: kp is placed for 100 rad/s.
       const double inertia = control_settings.kp[i] / 1e4;
@@ -67,7 +68,7 @@ class Scene {
     for (int k = 0; k < seconds / kPeriod; ++k) cycle();
   }
 
-  int n;
+  int n, motors;
   Robot robot, truth;
   Coordinates box_;
   Plant plant;
@@ -125,8 +126,8 @@ TEST_EACH(for_each, "a payload is identified to a tenth or 50 g within half a se
   }
 }
 
-TEST_EACH(for_each, "friction is attributed to its motor") {
-  for (int motor = 0; motor < n; ++motor) {
+TEST_EACH(for_each_square, "friction is attributed to its motor") {
+  for (int motor = 0; motor < motors; ++motor) {
     Scene scene(mechanism, 1e-5, 5);
     scene.run(0.3);
     const double size = 40 * scene.unit[motor];
@@ -142,7 +143,7 @@ TEST_EACH(for_each, "the same friction of all motors is friction of all, not a c
   Scene scene(mechanism, 1e-5, 5);
   scene.run(0.3);
   const double size = 40 * scene.unit[0];
-  for (int motor = 0; motor < n; ++motor)
+  for (int motor = 0; motor < motors; ++motor)
     scene.plant.disturb({.kind = Disturbance::friction, .motor = motor, .size = size});
   scene.run(0.5);
   CHECK(scene.observer.disturbance == Disturbance::friction);
@@ -150,7 +151,7 @@ TEST_EACH(for_each, "the same friction of all motors is friction of all, not a c
   CHECK(std::fabs(scene.observer.size / size - 1) < 0.3);
 }
 
-TEST_EACH(for_each, "friction of motors that have come to rest is not a contact") {
+TEST_EACH(for_each_square, "friction of motors that have come to rest is not a contact") {
   Scene scene(mechanism, 1e-5, 5);
   scene.until = 0.8;
   for (int motor = 0; motor < scene.n; ++motor)

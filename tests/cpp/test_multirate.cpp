@@ -64,9 +64,9 @@ TEST_EACH(for_each, "samples with timestamps are carried from their own time, be
         picture = read_at(mechanism, robot, taken);
       }
       Extended q_e = k == 0 ? now : held;
-      std::copy_n(now.begin(), n, q_e.begin());
+      std::copy_n(now.begin(), motors, q_e.begin());
       CHECK(compensate_latency(robot, late, q_e));
-      for (int c = n; c < n + robot.r && k > 20; ++c)
+      for (int c = motors; c < readings(robot) && k > 20; ++c)
         farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
     }
     // At most an eighth of the acceleration in one cycle squared.
@@ -117,14 +117,16 @@ TEST_EACH(for_each,
     for (int k = 0; k < 2 * kOldest + 100; ++k) {  // the ring passes its end twice
       const Extended now = read_at(mechanism, robot, k);
       Extended q_e = now;
-      late.arrived = bus.deliver(n, q_e);
-      for (int i = 0; i < n; ++i) CHECK(q_e[i] == now[i]);
-      for (int c = n; c < n + robot.r; ++c) held = std::max(held, std::fabs(q_e[c] - now[c]));
+      late.arrived = bus.deliver(motors, q_e);
+      for (int i = 0; i < motors; ++i) CHECK(q_e[i] == now[i]);
+      for (int c = motors; c < readings(robot); ++c)
+        held = std::max(held, std::fabs(q_e[c] - now[c]));
       CHECK(compensate_latency(robot, late, q_e));
-      for (int c = n; c < n + robot.r; ++c)
+      for (int c = motors; c < readings(robot); ++c)
         farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
       low_pass(robot, late, q_e);
-      for (int c = n; c < n + robot.r; ++c) calmed = std::max(calmed, std::fabs(q_e[c] - now[c]));
+      for (int c = motors; c < readings(robot); ++c)
+        calmed = std::max(calmed, std::fabs(q_e[c] - now[c]));
     }
     CHECK(farthest < 1e-6);
     CHECK(calmed < 1e-6);
@@ -147,21 +149,21 @@ TEST_EACH(
   for (int k = 0; k < 400; ++k) {
     const int moving = std::min(k, 200);
     Extended q_e = read_at(mechanism, truth, moving);
-    const double now = q_e[n];
-    late.arrived = bus.deliver(n, q_e);
+    const double now = q_e[motors];
+    late.arrived = bus.deliver(motors, q_e);
     CHECK(compensate_latency(robot, late, q_e));
     low_pass(robot, late, q_e);
-    CHECK_NEAR(q_e[n], now, 1e-6);
+    CHECK_NEAR(q_e[motors], now, 1e-6);
     Knowledge known;
     known.sigma.fill(1e-5);
     weigh(robot, late, known);
-    for (int i = 0; i < n; ++i) CHECK(known.sigma[i] == 1e-5);
+    for (int i = 0; i < motors; ++i) CHECK(known.sigma[i] == 1e-5);
     const Coordinates x = at(mechanism, moving), since = at(mechanism, std::max(0, moving - 18));
     double way = 0;
     for (int i = 0; i < n; ++i) way += (x[i] - since[i]) * (x[i] - since[i]);
-    if (k > 50 && k < 200) CHECK(known.sigma[n] > 0.3 * 0.1 * std::sqrt(way));
-    if (k > 50 && k < 200) CHECK(known.sigma[n] < 0.1 * 10 * std::sqrt(way) + 1e-5);
-    if (k == 399) CHECK(known.sigma[n] < 1.1e-5);  // it has stood still for long
+    if (k > 50 && k < 200) CHECK(known.sigma[motors] > 0.3 * 0.1 * std::sqrt(way));
+    if (k > 50 && k < 200) CHECK(known.sigma[motors] < 0.1 * 10 * std::sqrt(way) + 1e-5);
+    if (k == 399) CHECK(known.sigma[motors] < 1.1e-5);  // it has stood still for long
   }
 }
 
@@ -180,16 +182,16 @@ TEST_EACH(for_each,
     const Extended now = read_at(mechanism, robot, k);
     Extended q_e = now;
     if (k >= 60 && k < 65) q_e.fill(NAN);
-    late.arrived = bus.deliver(n, q_e);
-    const bool motors = k < 100 || k >= 103;
-    if (!motors) std::fill_n(q_e.begin(), n, NAN);
+    late.arrived = bus.deliver(motors, q_e);
+    const bool placed = k < 100 || k >= 103;
+    if (!placed) std::fill_n(q_e.begin(), motors, NAN);
     CHECK(compensate_latency(robot, late, q_e));
-    CHECK(motors == late.placed || k < 100);
+    CHECK(placed == late.placed || k < 100);
     // The picture of cycle 60 arrives in 68 and is held until 78.
     const bool blind = (k >= 68 && k < 78);
-    for (int c = n; c < n + robot.r; ++c) {
+    for (int c = motors; c < readings(robot); ++c) {
       CHECK(blind == std::isnan(q_e[c]) || (k >= 60 && k < 65));
-      if (!blind && !(k >= 60 && k < 78)) CHECK_NEAR(q_e[c], now[c], motors ? 2e-4 : 2e-3);
+      if (!blind && !(k >= 60 && k < 78)) CHECK_NEAR(q_e[c], now[c], placed ? 2e-4 : 2e-3);
     }
   }
 }
@@ -234,11 +236,12 @@ TEST_EACH(
   for (int k = 0; k < kCycles; ++k) {
     Extended q_e = rest;
     if (k % kEvery == 0) noise = std::sqrt(3) * kSigma * random();  // uniform, of variance σ²
-    q_e[n] += noise;
-    late.arrived = bus.deliver(n, q_e);
+    q_e[motors] += noise;
+    late.arrived = bus.deliver(motors, q_e);
     CHECK(compensate_latency(robot, late, q_e));
     low_pass(robot, late, q_e);
-    if (k > 2000) squares += (q_e[n] - rest[n]) * (q_e[n] - rest[n]) / (kCycles - 2000);
+    if (k > 2000)
+      squares += (q_e[motors] - rest[motors]) * (q_e[motors] - rest[motors]) / (kCycles - 2000);
   }
   // Weight a of a sample: variance a / (2 - a) of one sample's, of an average over about 20.
   const double a = 1 - std::pow(1 - kCalmest * (1 - std::exp(-1.0 / (kEvery + kAge))), kEvery);
@@ -248,12 +251,12 @@ TEST_EACH(
   Extended q_e{};
   for (int k = 0; k < 5 * (kEvery + kAge); ++k) {
     q_e = rest;
-    q_e[n] += 100 * kSigma;
-    late.arrived = bus.deliver(n, q_e);
+    q_e[motors] += 100 * kSigma;
+    late.arrived = bus.deliver(motors, q_e);
     CHECK(compensate_latency(robot, late, q_e));
     low_pass(robot, late, q_e);
   }
-  CHECK(q_e[n] - rest[n] > 95 * kSigma);
+  CHECK(q_e[motors] - rest[motors] > 95 * kSigma);
 }
 
 TEST_EACH(for_each,
@@ -262,7 +265,7 @@ TEST_EACH(for_each,
   Robot robot = mechanism.robot;
   if (robot.r == 0) return;
   constexpr double kSigma = 1e-6;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     robot.chain[i].encoder_noise = kSigma;
     robot.chain[i].encoder_step = 0;
   }
@@ -274,16 +277,16 @@ TEST_EACH(for_each,
     Multirate late;
     CHECK(start(all_late(10, 8), late));
     Extended q_e = rest;
-    for (int i = 0; i < n; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
+    for (int i = 0; i < motors; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
     CHECK(compensate_latency(robot, late, q_e));
-    const double off = late.expected[0] - rest[n];
+    const double off = late.expected[0] - rest[motors];
     mean += off / kTrials;
     squares += off * off / kTrials;
     Knowledge known;
     known.sigma.fill(1e-9);
     low_pass(robot, late, q_e);
     weigh(robot, late, known);
-    stated += known.sigma[n] * known.sigma[n] / kTrials;
+    stated += known.sigma[motors] * known.sigma[motors] / kTrials;
   }
   const double ratio = (squares - mean * mean) / stated;
   CHECK(ratio > 0.85 && ratio < 1.15);  // its own σ is 0.03

@@ -10,7 +10,7 @@ class Scene {
  public:
   explicit Scene(const Mechanism& mechanism)
       : truth(mechanism.robot), prior_(mechanism.robot), learner(prior_.learner(mechanism.robot)) {
-    for (int i = 0; i < dof(truth.mobility); ++i) truth.chain[i].rod += 1e-4 * (i - 1);
+    for (int i = 0; i < truth.motors; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
     learner.settings.drifts = 0;
   }
   /// The true robot's readings at a pose; the first motor's `more` further.

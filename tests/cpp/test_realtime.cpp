@@ -257,7 +257,7 @@ TEST_EACH(for_each, "no fault-tolerant controller does, whatever its readings do
       Multirate late;
       CHECK(start(slow, late));
       CHECK(watched(2000, [&](long k) {
-              const int c = static_cast<int>(k / 50) % (n + made.robot.r);
+              const int c = static_cast<int>(k / 50) % (readings(made.robot));
               Extended q_e = made.at(k).q_e;
               if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
               if (k % 200 == 199) acknowledge(fault_state.monitor, c);

@@ -187,7 +187,7 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
   const Status part = Status::no_such_part, square = Status::not_square;
   const Wrong wrongs[]{
       {"mobility 8", part, [](Robot& r) { r.mobility = wild<Mobility>(kMobilities); }},
-      {"a pivot of four chains", square, [](Robot& r) { r.mobility = Mobility::rotational_2; }},
+      {"six freedoms, four chains", square, [](Robot& r) { r.mobility = Mobility::spatial; }},
       {"mobility -1", part, [](Robot& r) { r.mobility = wild<Mobility>(-1); }},
       {"chains -1", part, [](Robot& r) { r.chains = -1; }},
       {"chains 7", part, [](Robot& r) { r.chains = kMaxChains + 1; }},
@@ -196,7 +196,6 @@ TEST("every wrong count, index and enum is refused, and what was refused stays u
       {"motors 3", square, [](Robot& r) { r.motors = 3; }},
       {"motors 5", part, [](Robot& r) { r.motors = 5; }},
       {"motors -1", part, [](Robot& r) { r.motors = -1; }},
-      {"belts", square, [](Robot& r) { r.mobility = Mobility::planar_translation; }},
       {"sensors -1", part, [](Robot& r) { r.r = -1; }},
       {"sensors 13", part, [](Robot& r) { r.r = kMaxSensors + 1; }},
       {"sensors", part, [](Robot& r) { r.r = INT_MAX; }},

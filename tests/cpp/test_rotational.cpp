@@ -58,7 +58,7 @@ TEST_EACH(for_each_pivot,
 
     const Carried carried = carried_frames(robot, at.pose);
     Square jx;
-    at.jx(jx);
+    at.jx(n, jx);
     double cost = 0;
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
@@ -103,7 +103,7 @@ TEST_EACH(for_every, "a gyroscope reads how the nacelle turns, in the nacelle's 
 
 TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_x and H_ξ say") {
   const Robot& robot = mechanism.robot;
-  const int width = parameter_count(robot), rows = n + robot.r;
+  const int width = parameter_count(robot), rows = readings(robot);
   check::Random random(74);
   std::vector<double> xi(width), H(rows * width);
   CHECK(drawn_parameters(robot, xi.data()));

@@ -133,8 +133,10 @@ TEST_EACH(for_each,
       q_e[motor] = frozen;
     };
     const int named = bench.cycles(100, [&] { return bench.shell.causes != 0; }, freeze);
-    CHECK(named > 0 && named <= 100);  // slow motors take the longest
-    CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
+    if (motors == n) {  // else the other motors hold the platform, and correct it little
+      CHECK(named > 0 && named <= 100);  // slow motors take the longest
+      CHECK(bench.shell.cause == StopCause::stale_frame && bench.shell.part == motor);
+    }
     const Setpoint setpoint = quintic(K, bench.from, bench.to, bench.duration, bench.clock.time);
     CHECK(bench.travelled(to_pose(K, setpoint.x)) < 0.040);
   }
@@ -209,6 +211,8 @@ TEST_EACH(for_each,
   prepare(settings.monitor);
   FaultTolerantState monitor;
   bench.monitored = {&settings, &monitor, nullptr};
+  for (int i = 0; i < motors; ++i)  // the monitor knows how coarse they count
+    bench.prior.known().sigma[i] = bench.robot.chain[i].encoder_step;
   bench.begin();
   const auto none = [](Extended&, SafetyCycle&, Setpoint& setpoint) { setpoint.x[0] = NAN; };
   CHECK(bench.cycles(12, [&] { return bench.shell.causes != 0; }, none) > 0);

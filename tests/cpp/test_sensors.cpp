@@ -151,7 +151,7 @@ struct Readings {
 };
 Readings read_at(bool full, const Robot& robot, const Pose& pose) {
   Readings at;
-  at.H_xi.resize((dof(robot.mobility) + robot.r) * parameter_count(robot));
+  at.H_xi.resize(readings(robot) * parameter_count(robot));
   CHECK(linearise(full ? Level::full : Level::ideal, robot, pose, at.q_e, at.H_x, at.H_xi.data()));
   return at;
 }
@@ -163,7 +163,7 @@ void for_each_with_sensors(F&& f) {
   for_each([&](const Mechanism& mechanism) {
     Robot robot = mechanism.robot;
     const bool full = robot.full.kind == FullKind::same || robot.full.own();
-    for (int i = 0; i < dof(robot.mobility); ++i) {
+    for (int i = 0; i < robot.motors; ++i) {
       robot.chain[i].encoder_offset = 0.01 * (i + 1);
       robot.chain[i].encoder_gain = i == 2 ? -0.8 : 1 + 0.1 * i;  // one counts backwards
       if (robot.chain[i].actuator == Actuator::revolute)
@@ -179,7 +179,7 @@ void for_each_with_sensors(F&& f) {
     std::vector<Sensor> all = sensors_of(robot, robot.mobility);
     for (std::size_t k = 0; k < all.size(); ++k)
       if (rotary(all[k])) spin(all[k].eccentricity, 0.02, k % 2 ? 4 : 1);
-    const int most = std::min(kMaxSensors, kMaxReadings - dof(robot.mobility));
+    const int most = std::min(kMaxSensors, kMaxReadings - robot.motors);
     for (std::size_t first = 0; first < all.size(); first += most) {
       robot.r = 0;
       for (std::size_t k = first; k < all.size() && robot.r < most; ++k)
@@ -214,7 +214,7 @@ TEST("H_x is the derivative of every reading along the free twist, the motors fo
           step[j] = h;
           return read_at(full, robot, moved(K, pose, step)).q_e;
         });
-        for (int k = 0; k < dof(K) + robot.r; ++k)
+        for (int k = 0; k < readings(robot); ++k)
           CHECK_NEAR(at.H_x[k][j], slope[k], 1e-8 * (1 + std::fabs(slope[k])));
       }
     }
@@ -224,14 +224,14 @@ TEST("H_x is the derivative of every reading along the free twist, the motors fo
 TEST("every reading's derivative along every parameter is that of its finite differences") {
   for_each_with_sensors([](bool full, const Mechanism& mechanism, const Robot& robot) {
     const Mobility K = mechanism.robot.mobility;
-    const int n = dof(K);
+    const int n = robot.motors;
     check::Random random(52);
     const int width = parameter_count(robot);
     for (int sample = 0; sample < 5; ++sample) {
       const Pose pose = to_pose(K, random_pose(mechanism, random));
       const auto at = read_at(full, robot, pose);
       const auto compare = [&](int column, const Extended& slope) {
-        for (int k = 0; k < n + robot.r; ++k)
+        for (int k = 0; k < readings(robot); ++k)
           CHECK_NEAR(at.H_xi[k * width + column], slope[k], 1e-7);
       };
       const auto varied = [&](auto index, auto parameter) {
@@ -269,7 +269,7 @@ TEST("a kind's reading depends on the vectors of its mounting, on each of them, 
       for (int k = 0; k < robot.r; ++k) {
         if (robot.sensor[k].kind != row.kind || robot.sensor[k].at_nacelle) continue;
         const double* own =
-            at.H_xi.data() + (dof(K) + k) * parameter_count(robot) + sensor_column(robot, k);
+            at.H_xi.data() + (robot.motors + k) * parameter_count(robot) + sensor_column(robot, k);
         const int first = static_cast<int>(SensorParameter::origin_x);
         for (int entry = 0; entry < 12; ++entry)
           if (own[first + entry] != 0) moves[entry / 3] = true;

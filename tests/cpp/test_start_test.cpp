@@ -19,7 +19,7 @@ std::vector<Miswiring> miswirings(const Robot& robot, bool incremental) {
 }  // namespace
 
 TEST("healthy robots of every kind pass and move by less than a millimetre") {
-  for_each([&](const Mechanism& mechanism) {
+  for_each_square([&](const Mechanism& mechanism) {
     const Robot robot = limited_robot(mechanism);
     for (const Truth& real : {Truth{1, 1}, {0.7, 0.3}, {0.7, 3}, {1.3, 0.3}, {1.3, 3}}) {
       StartBench bench(robot, real);
@@ -30,7 +30,8 @@ TEST("healthy robots of every kind pass and move by less than a millimetre") {
   });
 }
 
-TEST_EACH(for_each, "weak motors, whose pushes deflect the brakes, pass: no brake seems to slip") {
+TEST_EACH(for_each_square,
+          "weak motors, whose pushes deflect the brakes, pass: no brake seems to slip") {
   Robot robot = limited_robot(mechanism);
   for (int i = 0; i < robot.motors; ++i) robot.chain[i].torque_limit /= 4;
   StartBench bench(robot);

@@ -12,7 +12,7 @@ namespace {
 /// The robot as built: some rods and arms longer or shorter than drawn.
 Robot built(const Robot& nominal, check::Random& random) {
   Robot truth = nominal;
-  for (int i = 0; i < dof(nominal.mobility); ++i) {
+  for (int i = 0; i < nominal.motors; ++i) {
     truth.chain[i].rod += 1e-3 * random();
     truth.chain[i].arm += 3e-4 * random();
     truth.chain[i].encoder_offset += 1e-3 * random();
@@ -41,7 +41,9 @@ TEST_EACH(for_each,
       CHECK(Loop(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
                 .move(Run{nominal.home, to, 0.2, 0.6, 2},
                       [&](const Sample& sample) { last = sample; }));
-      CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, end)), 0, 1e-9);
+      // Of redundant motors' torques that only stress the nominal robot, the true one's other K
+      // turns a little into force.
+      CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, end)), 0, motors > n ? 1e-8 : 1e-9);
       CHECK(distance(K, to_pose(K, end), to_pose(K, to)) > 1e-5);  // the errors do show
     }
   }
@@ -58,11 +60,11 @@ TEST_EACH(
   for (const Law law : kLaws) {
     PoseColumns leak;
     CHECK(leakage(robot, law, x, leak, prior.weighing()));
-    for (int c = 0; c < n + robot.r; ++c) {
+    for (int c = 0; c < readings(robot); ++c) {
       Pose rest[2];
       for (const double side : {-1.0, 1.0}) {
         Robot read = robot;  // reading = position - offset
-        (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
+        (c < motors ? read.chain[c].encoder_offset : read.sensor[c - motors].offset) -= side * 1e-5;
         Coordinates end{};
         CHECK(settle(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
         rest[side > 0] = to_pose(K, end);

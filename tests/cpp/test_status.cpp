@@ -19,7 +19,6 @@ void check_honest(bool ok, const auto& values, int n) { CHECK(!ok || all_finite(
 
 TEST("a pose out of reach is unreachable, and the chain is named") {
   for_each([](const Mechanism& mechanism) {
-    const Mobility K = mechanism.robot.mobility;
     Coordinates x = mechanism.robot.home;
     Joint q{};
     x[1] += 5;
@@ -28,7 +27,7 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
       CHECK(outcome);  // a telescopic leg is as long as it has to be
     } else {
       CHECK(outcome.status == Status::unreachable);
-      CHECK(outcome.chain >= 0 && outcome.chain < dof(K));
+      CHECK(outcome.chain >= 0 && outcome.chain < mechanism.robot.motors);
     }
   });
   Robot robot = h4().robot;  // chain 2 alone is too short
@@ -56,7 +55,7 @@ TEST_EACH(for_each, "a telescopic leg has no negative and no zero length") {
     Coordinates x = mechanism.robot.home;
     Joint wrong = q, all{};
     wrong[1] *= factor;
-    for (int i = 0; i < n; ++i) all[i] = factor * q[i];
+    for (int i = 0; i < motors; ++i) all[i] = factor * q[i];
     const FkmResult result = fkm(Level::ideal, mechanism.robot, wrong, x);
     CHECK(result.status == Status::unreachable && result.chain == 1);
     x = mechanism.robot.home;
@@ -125,7 +124,7 @@ TEST("another assembly mode is a lost branch, not an answer") {
 }
 
 TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the chain is named") {
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < motors; ++i) {
     if (mechanism.robot.chain[i].actuator == Actuator::telescopic) continue;
     Robot other = mechanism.robot;
     other.chain[i].working_mode *= -1;

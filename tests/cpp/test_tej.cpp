@@ -1,5 +1,6 @@
 // The extended-to-joint matrix: inverse of M, weights of the sensors.
 #include "control/tej.hpp"
+#include "estimation/linearise.hpp"
 #include "mechanisms.hpp"
 #include "reference.hpp"
 
@@ -9,37 +10,34 @@ namespace {
 
 using reference::Dense;
 
-/// M = [I; J_r J] and M⁺ = (MᵀWM)⁻¹MᵀW by their definitions: the latter by QR of √W M, which does
-/// not square the condition number.
+/// M = H_x J = [K J; J_r J] and M⁺ = K (H_xᵀWH_x)⁻¹H_xᵀW by their definitions, with K J = I for as
+/// many motors as freedoms: by QR of √W H_x and K, which does not square the condition number.
 struct Explicit {
   Dense M, M_plus;
 };
 Explicit by_definition(const Robot& robot, const Coordinates& x) {
   const Mobility K = robot.mobility;
-  const int n = dof(K);
-  JointMatrix J{};
-  CHECK(jacobian(Level::ideal, robot, x, J));
-  Reading values;
-  SensorRows jr;
-  Closure closure;
-  CHECK(ikm(robot, to_pose(K, x), closure));
-  CHECK(rkm(robot, closure, values, jr));
+  const int n = dof(K), motors = robot.motors;
+  Extended q_e;
+  PoseRows rows;
+  CHECK(linearise(Level::ideal, robot, to_pose(K, x), q_e, rows, nullptr));
+  Dense H(readings(robot), n);
+  for (int c = 0; c < H.rows(); ++c)
+    for (int j = 0; j < n; ++j) H(c, j) = rows[c][j];
+  const Dense K_q = H.topRows(motors);
+  Eigen::VectorXd root = Eigen::VectorXd::Ones(readings(robot));
+  for (int k = 0; k < robot.r; ++k) root[motors + k] = std::sqrt(robot.sensor[k].weight);
   Explicit result;
-  result.M = Dense::Zero(n + robot.r, n);
-  result.M.topRows(n).setIdentity();
-  for (int k = 0; k < robot.r; ++k)
-    for (int j = 0; j < n; ++j)
-      for (int i = 0; i < n; ++i) result.M(n + k, j) += jr[k][i] * J[i][j];
-  Eigen::VectorXd root = Eigen::VectorXd::Ones(n + robot.r);
-  for (int k = 0; k < robot.r; ++k) root[n + k] = std::sqrt(robot.sensor[k].weight);
-  const Dense weighted = root.asDiagonal() * result.M;
-  result.M_plus = reference::solve(weighted, root.asDiagonal());
+  result.M = H * reference::solve(K_q, Dense::Identity(motors, motors));
+  result.M_plus = K_q * reference::solve(root.asDiagonal() * H, root.asDiagonal());
   return result;
 }
 
 }  // namespace
 
-TEST_EACH(for_each, "TEJ·M = I and TEJ = (MᵀWM)⁻¹MᵀW, for no, one and two sensors of any weight") {
+TEST_EACH(
+    for_each,
+    "TEJ·M = I (with redundant motors K J) and TEJ = K (HᵀWH)⁻¹HᵀW, for sensors of any weight") {
   Robot robot = mechanism.robot;
   check::Random random(41);
   for (const int r : {0, 1, 2})
@@ -53,14 +51,15 @@ TEST_EACH(for_each, "TEJ·M = I and TEJ = (MᵀWM)⁻¹MᵀW, for no, one and tw
         ExtendedRows tej_;
         CHECK(tej(robot, x, M, tej_));
         const Explicit expected = by_definition(robot, x);
-        for (int i = 0; i < n; ++i)
-          for (int j = 0; j < n; ++j) {
+        for (int i = 0; i < motors; ++i)
+          for (int j = 0; j < motors; ++j) {
             double product = 0;
-            for (int c = 0; c < n + r; ++c) product += tej_[i][c] * M[c][j];
-            CHECK_NEAR(product, i == j, 1e-12);
+            for (int c = 0; c < motors + r; ++c) product += tej_[i][c] * M[c][j];
+            CHECK_NEAR(product, expected.M(i, j), 1e-12);
+            if (motors == n) CHECK(M[i][j] == (i == j));
           }
-        for (int c = 0; c < n + r; ++c)
-          for (int i = 0; i < n; ++i) {
+        for (int c = 0; c < motors + r; ++c)
+          for (int i = 0; i < motors; ++i) {
             CHECK_NEAR(M[c][i], expected.M(c, i), 1e-12);
             CHECK_NEAR(tej_[i][c], expected.M_plus(i, c), 1e-12);
           }

@@ -63,7 +63,8 @@ class Growing {
 
 TEST("slow growth is a warm-up; the same growth at once, or more of it, is a fault") {
   int grown = 0;
-  for_each([&](const Mechanism& mechanism) {
+  // What redundant motors disagree by after a growth is of second order in the parity.
+  for_each_square([&](const Mechanism& mechanism) {
     Growing blind(mechanism), slow(mechanism), fast(mechanism), large(mechanism);
     blind.settings.growth.fill(0);
     if (blind.grows(0, 0.9, kSlow)) return;  // this robot's sensors do not see it
@@ -82,7 +83,7 @@ TEST("slow growth is a warm-up; the same growth at once, or more of it, is a fau
   CHECK(grown > 0);
 }
 
-TEST_EACH(for_each, "a robot that is switched on warm is warm, and healthy") {
+TEST_EACH(for_each_square, "a robot that is switched on warm is warm, and healthy") {
   Growing robot(mechanism);
   CHECK(robot.grows(0.9, 0.9, kSlow));
 }

@@ -40,7 +40,7 @@ Values numbers(Bytes& bytes, const Values& around) {
 }
 
 void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
-  const int n = truepose_freedoms(&model), r = truepose_sensors(&model);
+  const int n = truepose_motors(&model), r = truepose_sensors(&model);
   const Coordinates x = numbers(bytes, drawn.home);
   truepose_real q[TRUEPOSE_MOTORS] = {}, back[TRUEPOSE_FREEDOMS] = {}, q_e[TRUEPOSE_READINGS] = {};
   truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS] = {},

@@ -94,6 +94,8 @@ def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
 
 def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
     robot, x = any_robot.with_sensors(), anywhere(any_robot, 10, rng)
+    if robot.m > robot.n:
+        return  # they do: test_redundant_motors.py
     with pytest.raises(tp.InputError, match="nothing to calibrate from"):
         tp.calibrate(robot, robot.sample(1).read(x))
 

@@ -58,7 +58,9 @@ def test_without_sensors_the_estimate_is_the_forward_model(any_robot, anywhere, 
     assert np.isfinite(home).all(axis=1).sum() >= 15
     est = robot.estimate(q, errors="nan")
     found = np.isfinite(home).all(axis=1)
-    assert est.x[found] == pytest.approx(home[found], abs=1e-9)
+    # Redundant motors that disagree by 1 mrad are weighed by their tolerances.
+    within = 1e-9 if robot.m == robot.n else 1e-3
+    assert est.x[found] == pytest.approx(home[found], abs=within)
 
 
 @pytest.mark.parametrize("name", ["h4", "delta", "stewart", "hexa"])

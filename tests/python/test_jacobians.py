@@ -26,7 +26,7 @@ def test_jacobian_is_the_derivative_of_the_motion(any_robot, anywhere, rng):
     h = 1e-5
     for x in anywhere(any_robot, 30, rng):
         q = any_robot.ikm(x)
-        ends = any_robot.fkm(q + h * np.vstack([np.eye(any_robot.n), -np.eye(any_robot.n)]), x)
+        ends = any_robot.fkm(q + h * np.vstack([np.eye(any_robot.m), -np.eye(any_robot.m)]), x)
         plus, minus = np.split(ends, 2)
         central = [twist(any_robot, a, b) / (2 * h) for a, b in zip(plus, minus, strict=True)]
         J = any_robot.jacobian(x)

@@ -14,7 +14,7 @@ ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
 
 def read_wrong(robot: tp.Robot, reading: int, error: float) -> tp.Robot:
     """Return a robot whose reading is too large by `error`: reading = position - offset."""
-    names = [f"chain{i + 1}.encoder_offset" for i in range(robot.n)]
+    names = [f"chain{i + 1}.encoder_offset" for i in range(robot.m)]
     names += [f"{sensor}.offset" for sensor in robot.sensors]
     return robot.replace({names[reading]: robot.parameters[names[reading]].value - error})
 
@@ -22,13 +22,13 @@ def read_wrong(robot: tp.Robot, reading: int, error: float) -> tp.Robot:
 @pytest.mark.parametrize("law", LAWS)
 def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(any_robot, law):
     robot, size = any_robot, 1e-5
-    if law != "joint" and not robot.r:
+    if law != "joint" and robot.m + robot.r == robot.n:
         with pytest.raises(tp.InputError, match=UNMEASURED):
             robot.cross_sensitivity(robot.home, law)
         return
     leak = robot.cross_sensitivity(robot.home, law)
-    assert leak.shape == (robot.n, robot.n + robot.r)
-    for reading in range(robot.n + robot.r):
+    assert leak.shape == (robot.n, robot.m + robot.r)
+    for reading in range(robot.m + robot.r):
         ends = [
             tp.steady_state(robot, read_wrong(robot, reading, e), robot.home, law)
             for e in (size, -size)
@@ -125,7 +125,7 @@ def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, 
     robot = any_robot.without_quantization()
     if not robot.r:  # one of those that its file has
         robot = robot.with_sensors(*[sensor.name for sensor in robot.spec.sensor][:1])
-    if not robot.r:
+    if robot.m + robot.r == robot.n:
         with pytest.raises(tp.InputError, match=f"{UNMEASURED}: its file has none"):
             tp.simulate(robot, controller=law)
         return

@@ -66,7 +66,7 @@ def test_a_robot_of_three_equal_parts_moves_alike_when_all_is_turned(name):
     [
         ("repeat = 3", "repeat = 1", "pattern.repeat = 1: input should be greater than or equal"),
         ("repeat = 3", 'repeat = "3"', "pattern.repeat = '3': input should be a valid integer"),
-        ("repeat = 3", "repeat = 4", "translation has 3 freedoms: give 3 chains, not 4"),
+        ("repeat = 3", "repeat = 9", "pattern.repeat = 9: input should be less than or equal to 8"),
         ('about = "z"', 'about = "w"', "pattern.about = 'w': input should be 'x', 'y' or 'z'"),
         ('about = "z"', "abut = 3", "pattern.abut: unknown key 'abut'; did you mean 'about'"),
         ("[pattern]", "[[pattern]]", "pattern: must be a table"),

@@ -315,7 +315,7 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
 def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywhere, rng, slow):
     robot = any_robot
     if slow:
-        speeds = [{"speed_limit": 10.0 ** (k > 0)} for k in range(robot.n)]
+        speeds = [{"speed_limit": 10.0 ** (k > 0)} for k in range(robot.m)]
         chains = zip(robot.spec.chain, speeds, strict=True)
         chain = tuple(one.model_copy(update=speed) for one, speed in chains)
         robot = tp.Robot(robot.spec.model_copy(update={"chain": chain}))

@@ -41,7 +41,7 @@ def test_a_run_says_how_far_off_it_was_and_draws_that(any_robot):
     assert f"{total.name}: {printed(most, total.unit, '.3g')} off at most" in said
     assert ("turn: " in said) == any(unit == "rad" for _, unit in any_robot.coordinates)
     lines = [line for axes in run.plot().axes for line in axes.lines if len(line.get_xdata()) > 2]
-    assert len(lines) == 3 * any_robot.n  # of each torque its mean as well
+    assert len(lines) == any_robot.n + 2 * any_robot.m  # of each torque its mean as well
     drawn = PRINT[any_robot.coordinates[0][1]][0] * run.error[:, 0]
     assert np.allclose(lines[0].get_ydata(), drawn)
 

@@ -104,6 +104,8 @@ def test_the_inverse_model_refuses_another_assembly_mode_where_asked(any_robot):
     """What is sent to a machine must not lie behind a singular pose."""
     modes = any_robot.assembly_modes(any_robot.ikm(any_robot.home), starts=2000)
     assert np.allclose(any_robot.ikm(any_robot.home, own_mode=True), any_robot.ikm(any_robot.home))
+    if any_robot.m > any_robot.n:
+        return  # a path between modes need not be singular: they are not told apart
     own = np.sign(np.linalg.det(any_robot.jacobian(any_robot.home)))
     told = 0
     for x in modes:

@@ -139,16 +139,17 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
         )
 
     H_x, H_xi = equipped.linearize(x, level=level)
-    assert H_xi.shape == (n + equipped.r, len(equipped.parameters))
+    m = equipped.m
+    assert H_xi.shape == (m + equipped.r, len(equipped.parameters))
     J = equipped.jacobian(x, level=level)
     q = equipped.ikm(x, level=level)
-    assert H_x[:n] @ J == pytest.approx(np.eye(n), abs=1e-9)
-    for motor in range(n):  # J_r J: what the sensors see of one motor
-        step = h * np.eye(n)[motor]
+    assert J @ H_x[:m] == pytest.approx(np.eye(n), abs=1e-9)
+    for motor in range(m):  # J_r J: what the sensors see of one motor
+        step = h * np.eye(m)[motor]
         there = [equipped.fkm(q + s, guess=x, level=level) for s in (step, -step)]
         ends = [equipped.rkm(at, level=level) for at in there]
         slope = (ends[0] - ends[1]) / (2 * h)
-        assert (H_x[n:] @ J)[:, motor] == near(slope)
+        assert (H_x[m:] @ J)[:, motor] == near(slope)
     for column, (name, parameter) in enumerate(equipped.parameters.items()):
         moved = [equipped.replace({name: parameter.value + s}) for s in (h, -h)]
         ends = [robot.extended_positions(x, level=level) for robot in moved]

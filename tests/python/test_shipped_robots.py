@@ -20,9 +20,9 @@ def corners_and_inside(box, count, rng):
     return np.where((np.arange(count) % 2)[:, None], corner, inside)
 
 
-def test_fourteen_robots_are_shipped():
+def test_fifteen_robots_are_shipped():
     names = "h4 par4 delta linear-delta stewart jugglebot hexa hexaglide five-bar 3rpr 3rrr"
-    names += " g1-ankle x1-ankle neck"
+    names += " g1-ankle x1-ankle neck 4rrr"
     assert set(tp.list_robots()) == set(names.split())
 
 
@@ -45,7 +45,8 @@ def test_every_pose_of_the_workspace_is_reachable_and_regular(any_robot, rng, co
     assert np.isfinite(any_robot.ikm(x)).all()
     J = any_robot.jacobian(x)
     assert np.linalg.cond(length_scaled(any_robot, J)).max() < 20
-    assert len(np.unique(np.sign(np.linalg.det(J)))) == 1
+    if any_robot.m == any_robot.n:
+        assert len(np.unique(np.sign(np.linalg.det(J)))) == 1
 
 
 def test_fkm_from_1_mm_and_1_mrad_away_finds_every_pose_of_the_workspace(any_robot, rng, count):

@@ -60,7 +60,7 @@ def test_the_forward_model_undoes_the_inverse_one_under_load(
     assert good.mean() > 0.3 and np.abs(q - robot.stiff.ikm(x, "nan"))[good].max() > 1e-5
     assert robot.fkm(q[good], guess=x[good]) == pytest.approx(x[good], abs=1e-10)
     q_e = robot.extended_positions(x[good])
-    assert q_e[:, : robot.n] == pytest.approx(q[good], abs=1e-14)
+    assert q_e[:, : robot.m] == pytest.approx(q[good], abs=1e-14)
     if robot.r:
         found = robot.estimate(q_e, guess=x[good])
         assert found.x == pytest.approx(x[good], abs=1e-9)

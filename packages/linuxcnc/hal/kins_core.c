@@ -20,6 +20,8 @@ truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_descript
   if (kins->outcome.status > TRUEPOSE_OK) return kins->outcome;
   kins->robot = *robot;
   kins->motors = truepose_freedoms(&kins->model);
+  if (truepose_motors(&kins->model) != kins->motors) kins->outcome.status = TRUEPOSE_NOT_SQUARE;
+  if (kins->outcome.status > TRUEPOSE_OK) return kins->outcome;
   kins->cap = TRUEPOSE_STEPS;
   for (int i = 0; i < kins->motors; ++i) {
     const int plain = robot->mobility == TRUEPOSE_SPATIAL       ? 6

@@ -20,7 +20,7 @@ truepose_outcome truepose_plant_begin(truepose_plant* plant, const truepose_desc
   plant->robot = *robot;
   plant->period = period;
   plant->coarse = 1;
-  plant->motors = truepose_freedoms(&plant->model);
+  plant->motors = truepose_motors(&plant->model);
   plant->readings = plant->motors + truepose_sensors(&plant->model);
   memcpy(plant->q, q, sizeof plant->q);
   memcpy(plant->x, robot->home, sizeof plant->x);

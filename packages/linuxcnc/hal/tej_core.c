@@ -21,7 +21,7 @@ truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
   if (outcome.status <= TRUEPOSE_OK) outcome = truepose_pupil_begin(&tej->pupil, &tej->table);
   if (outcome.status > TRUEPOSE_OK) return outcome;
   tej->model = tej->pupil.robot;
-  tej->motors = truepose_freedoms(&tej->model);
+  tej->motors = truepose_motors(&tej->model);
   tej->sensors = truepose_sensors(&tej->model);
   tej->period = period;
   memcpy(tej->x_d, robot->home, sizeof tej->x_d);

@@ -142,7 +142,7 @@ class Between:
     def _places(self, robot: Robot, log: Log) -> Array:
         """Return the tool's nominal position in each row, (N, 3), m; NaN without FKM."""
         drawn = robot.expected()
-        at = frames.frames(drawn, poses_of(drawn, log.readings[:, : robot.n]))
+        at = frames.frames(drawn, poses_of(drawn, log.readings[:, : robot.m]))
         return (at @ np.array([*self.tool, 1.0]))[:, :3]
 
 

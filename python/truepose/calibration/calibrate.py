@@ -274,7 +274,7 @@ def contradicting(robot: Robot, log: Log) -> str:
 
 def left_out(fit: Calibration, log: Log) -> list[str]:
     """List rows with motor readings that the calibrated robot cannot reach, by reason."""
-    read = np.isfinite(log.readings[:, : fit.robot.n]).all(axis=1)
+    read = np.isfinite(log.readings[:, : fit.robot.m]).all(axis=1)
     if not read.size:  # known poses alone
         return []
     reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())

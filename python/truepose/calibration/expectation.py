@@ -54,17 +54,17 @@ def expect(
             own = loads and loads.only(np.arange(len(readings))[part])
             parts.append(expect(robot, readings[part], outside, sigma, registration, level, own))
         return Expectation(*map(np.concatenate, zip(*parts, strict=True)))
-    n, r = robot.n, robot.r
+    n, m, r = robot.n, robot.m, robot.r
     level = robot.highest_level if level is None else level
     under = (loads or Payloads()).arrays(robot, len(readings))
     stiff = robot
     if robot.is_compliant:
         readings, _ = relieved(robot, readings, robot.is_full(level), under)
         stiff = robot.stiff
-    x = poses_of(stiff, readings[:, :n], level)
+    x = poses_of(stiff, readings[:, :m], level)
     expected = stiff.extended_positions(x, errors="nan", level=level)
-    residual = _core.innovation(robot.core, readings, expected)[0][:, n:]
-    expected = expected[:, n:]
+    residual = _core.innovation(robot.core, readings, expected)[0][:, m:]
+    expected = expected[:, m:]
     names = knowledge.learnable(robot)
     H_x, by_geometry = knowledge.linearized(robot, x, names, "nan", level)
     if yielding := compliance.unknown(robot):
@@ -74,12 +74,12 @@ def expect(
     noise = knowledge.reading_sigma(robot)
     if level == "ideal":
         noise = np.hypot(noise, knowledge.stated_error(robot))
-    J = np.full((len(x), n, n), np.nan)
+    J = np.full((len(x), n, m), np.nan)
     good = np.isfinite(H_x).all(axis=(1, 2))
-    J[good] = np.linalg.inv(H_x[good, :n])
-    A = np.zeros((len(x), r, n + r))
-    A[:, :, :n] = -H_x[:, n:] @ J
-    A[:, :, n:] = np.eye(r)
+    J[good] = np.linalg.pinv(H_x[good, :m])
+    A = np.zeros((len(x), r, m + r))
+    A[:, :, :m] = -H_x[:, m:] @ J
+    A[:, :, m:] = np.eye(r)
     if measured is not None and registration is not None:
         seen, apart, H_mx, H_mt, blunt = registration.see(robot, x, measured)
         measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()

@@ -224,7 +224,7 @@ def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
         return []
     of = slice(lines.own, None)
     x = lines.outside[of]
-    near = fit.robot.fkm(lines.rows[of, : fit.robot.n], np.where(np.isnan(x), fit.robot.home, x))
+    near = fit.robot.fkm(lines.rows[of, : fit.robot.m], np.where(np.isnan(x), fit.robot.home, x))
     rows = rows_of(fit.robot, fit.names, lines.rows[of], near, x, lines.outside_sigma[of])
     judged = leave_one_out(fit.robot, rows, fit.covariance, np.zeros(len(fit.names)), FALSE_ALARMS)
     return [
@@ -249,14 +249,14 @@ def _lines(problem: Problem) -> _Lines:
         problem.options.measured_angle_sigma,
         len(rows),
     )
-    again = repeated(rows, outside, robot.n)
+    again = repeated(rows, outside, robot.m)
     if len(poses.x):  # which may repeat rows of the log
-        again |= repeated(np.vstack([poses.readings, rows]), None, robot.n)[len(poses.x) :]
+        again |= repeated(np.vstack([poses.readings, rows]), None, robot.m)[len(poses.x) :]
     said = f"{log.at(np.flatnonzero(again), 5)}: identical to an earlier one: each counts once"
     notes = (said,) if again.any() else ()
     again = np.pad(again, (0, len(poses.x)))
     rows, outside = np.vstack([rows, poses.readings]), np.vstack([outside, poses.x])
-    rows[again, robot.n :] = outside[again] = np.nan
+    rows[again, robot.m :] = outside[again] = np.nan
     sigma = np.vstack([sigma, poses.sigma])
     loads = log.loads and log.loads.padded(robot, len(log.readings), len(poses.x))
     return _Lines(rows, outside, sigma, len(poses.x), tracked, loads, notes)
@@ -345,4 +345,4 @@ def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
     unknowns = len(knowledge.uncertain(robot)) + 12 * measured
     unknowns += len(knowledge.left_out(robot)) if guarded else 0
     beyond = robot.r + robot.n * measured
-    return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
+    return lines * (2 * (8 * (robot.m + beyond) * unknowns + 1400) + 8 * beyond * unknowns)

@@ -37,7 +37,7 @@ class NuisanceParameter:
 
 def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) -> Array:
     """Return the checked patterns of all influences, (N, n + r, k)."""
-    width = robot.n + robot.r
+    width = robot.m + robot.r
     result = np.zeros((lines, width, len(influences)))
     for k, of in enumerate(influences):
         mean, sigma = of.amount
@@ -68,10 +68,10 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
         Tension of each chain and of each sensor of kind distance, N; others are ignored.
     """
     x, _ = flattened(robot, poses, robot.n, "poses", "raise")
-    pull = np.broadcast_to(np.asarray(tension, dtype=float), (len(x), robot.n + robot.r))
-    at = under_load(robot, x, False, tension=pull[:, : robot.n])
-    result = at.by_compliance[..., : robot.n].sum(axis=-1)
-    for k, sensor in enumerate(robot.spec.used, start=robot.n):
+    pull = np.broadcast_to(np.asarray(tension, dtype=float), (len(x), robot.m + robot.r))
+    at = under_load(robot, x, False, tension=pull[:, : robot.m])
+    result = at.by_compliance[..., : robot.m].sum(axis=-1)
+    for k, sensor in enumerate(robot.spec.used, start=robot.m):
         if sensor.kind == "distance":
             offset = robot.parameters[f"{sensor.name}.offset"].value
             result[:, k] = -(at.readings[:, k] + offset) * pull[:, k]
@@ -115,7 +115,7 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
     0.02
     """
-    moved = numbers_like("sigma", sigma, (robot.n,), "0 or greater")
+    moved = numbers_like("sigma", sigma, (robot.m,), "0 or greater")
     zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
     return relaxed(robot, zeros, "homed anew")
 
@@ -168,12 +168,12 @@ def at_other_temperature(robot: Robot) -> Robot:
 
 def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> list[NuisanceParameter]:
     """Return the excess of each earlier homing's uncertain offsets over the last's."""
-    moved = numbers_like("sigma", sigma, (robot.n,), "0 or greater")
+    moved = numbers_like("sigma", sigma, (robot.m,), "0 or greater")
     after = np.asarray(homing)
     return [
         NuisanceParameter(
             name=f"homing {number}, {robot.readings[k]}",
-            pattern=np.outer(after == number, np.eye(robot.n + robot.r)[k]),
+            pattern=np.outer(after == number, np.eye(robot.m + robot.r)[k]),
             amount=(0.0, float(moved[k])),
         )
         for number in np.unique(after)[:-1]
@@ -192,7 +192,7 @@ class Stretching:
         self._usual = compliance.of_all(expected)
         self.acts = bool(self.names) or expected.is_compliant
         self._loads = (loads or Payloads()).arrays(robot, len(readings))
-        self._by = np.zeros((*readings.shape, 2 * robot.n))  #: per unit of every compliance
+        self._by = np.zeros((*readings.shape, 2 * robot.m))  #: per unit of every compliance
         if self.acts:
             _, x = relieved(expected, readings, full, self._loads)
             self.follow(expected, x)
@@ -231,9 +231,9 @@ def relieved(
     home = np.tile(robot.home, (len(readings), 1))
 
     def answer(q: Array, near: Array | None) -> compliance.Answer:
-        return _core.fkm(robot.core, q[:, : robot.n], home if near is None else near, full)[:3]
+        return _core.fkm(robot.core, q[:, : robot.m], home if near is None else near, full)[:3]
 
-    x, *_ = compliance.at_rest(robot, readings[:, : robot.n], full, answer, **loads)
+    x, *_ = compliance.at_rest(robot, readings[:, : robot.m], full, answer, **loads)
     if not robot.is_compliant:
         return readings, x
     return readings - compliance.given_way(robot, x, full, **loads).readings, x

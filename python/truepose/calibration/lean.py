@@ -67,7 +67,7 @@ class Leaning:
     @cached_property
     def pose(self) -> Array:
         """Poses relative to the base, (N, n), at this lean; NaN without an answer."""
-        x = poses_of(self.robot, self.log.readings[:, : self.robot.n])
+        x = poses_of(self.robot, self.log.readings[:, : self.robot.m])
         if self.log.measured is not None:
             x = np.where(self.implied, self.log.measured, x)
         rows = np.isfinite(x).all(axis=1) & self.implied.any(axis=1)

@@ -47,7 +47,7 @@ def log_of(
     """Return the log of a table or an array, (N, n + r); N may be 0 with known poses."""
     if logs.is_table(readings):
         return logs.of(robot, readings, euler=euler)
-    width, least = robot.n + robot.r, int(not known)
+    width, least = robot.m + robot.r, int(not known)
     if readings is None:
         readings, least = np.zeros((0, width)), 0
     rows = as_rows(robot, readings, "readings", least, width, "nan")
@@ -78,17 +78,17 @@ def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
     empty = ~np.isfinite(log.readings)
     for k, name in enumerate(log.names):
         if empty[:, k].all():
-            yield Finding(f"{name}: no reading at all", refused=k < robot.n)
-    if (blind := empty[:, : robot.n].any(axis=1)).any() and not blind.all():
+            yield Finding(f"{name}: no reading at all", refused=k < robot.m)
+    if (blind := empty[:, : robot.m].any(axis=1)).any() and not blind.all():
         yield Finding(f"{log.at(np.flatnonzero(blind))}: left out: a motor was not read")
-    for k, name in list(enumerate(log.names))[robot.n :]:
+    for k, name in list(enumerate(log.names))[robot.m :]:
         if (rows := np.flatnonzero(empty[:, k] & ~blind)).size and not empty[:, k].all():
             yield Finding(f"{name}: {_count(len(rows), 'empty cell')}: {log.at(rows, 5)}")
 
 
 def _distinct(robot: Robot, log: Log) -> Array:
-    q = log.readings[:, : robot.n]  # poses by their counts
-    count = robot.resolution[: robot.n]
+    q = log.readings[:, : robot.m]  # poses by their counts
+    count = robot.resolution[: robot.m]
     step = np.where(count > 0, count, 1e-6)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
@@ -97,9 +97,9 @@ def _distinct(robot: Robot, log: Log) -> Array:
 
 def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
     cells = log.readings if log.measured is None else np.hstack([log.readings, log.measured])
-    more = np.asarray(np.isfinite(cells[:, robot.n :]).any(axis=1))
+    more = np.asarray(np.isfinite(cells[:, robot.m :]).any(axis=1))
     log = log.only(more) if more.any() else log
-    read = int(np.isfinite(log.readings[:, : robot.n]).all(axis=1).sum())
+    read = int(np.isfinite(log.readings[:, : robot.m]).all(axis=1).sum())
     poses = len(_distinct(robot, log))
     if poses < 0.8 * read:
         yield Finding(
@@ -124,7 +124,7 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
             f"{robot.coordinates[0][0]}, …), or touch a plane or a point again and again "
             "(plane, point)"
         )
-        said = f"nothing to calibrate from: {robot.n} motors determine only the pose; "
+        said = f"nothing to calibrate from: {robot.m} motors determine only the pose; "
         yield Finding(said + (f"{use} (with_sensors)" if spare else more), refused=True)
     elif spare:
         yield Finding(f"{use} (with_sensors) to use them as well")
@@ -137,7 +137,7 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
 
 def _motors(robot: Robot, log: Log) -> list[Finding]:
     """Check whether the motors' readings give poses of this robot."""
-    n = robot.n
+    n = robot.m
     rows = np.flatnonzero(np.isfinite(log.readings[:, :n]).all(axis=1))
     if not len(rows):
         return [Finding("no line has a reading of every motor", refused=True)]
@@ -161,7 +161,7 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
 
 def plausible(robot: Robot, readings: Array) -> float:
     """Return the share of rows whose motors close the loops near the workspace."""
-    x = poses_of(robot, readings[:, : robot.n])
+    x = poses_of(robot, readings[:, : robot.m])
     good = np.isfinite(x).all(axis=1)
     if (box := robot.spec.workspace) is not None:
         low, high = np.array(box.minimum), np.array(box.maximum)
@@ -210,7 +210,7 @@ def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
 
     A motor's while others move and most predictions fail, a sensor's while its prediction varies.
     """
-    n, findings, readings = robot.n, [], log.readings.copy()
+    n, findings, readings = robot.m, [], log.readings.copy()
     seen, steps = expect(robot, readings), np.maximum(robot.resolution, 1e-9)
     rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
     odd = np.asarray((np.abs(seen.residual) > APART * seen.sigma).any(axis=1))

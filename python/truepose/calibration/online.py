@@ -136,7 +136,7 @@ class OnlineCalibrator:
         ndarray, shape (..., n)
             Pose of each row, with the parameters as identified at that row.
         """
-        rows, lead = flattened(self._robot, q_e, self._robot.n + self._robot.r, "q_e", errors)
+        rows, lead = flattened(self._robot, q_e, self._robot.m + self._robot.r, "q_e", errors)
         x, status, chain = self._filter.observe(rows, np.zeros(0))
         require_answers(self._robot, "reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, self._robot.n)
@@ -147,7 +147,7 @@ class OnlineCalibrator:
         Early rows were linearized about a poor guess; after one or two replays the filter agrees
         with :func:`truepose.calibrate`.
         """
-        rows, _ = flattened(self._robot, q_e, self._robot.n + self._robot.r, "q_e", "raise")
+        rows, _ = flattened(self._robot, q_e, self._robot.m + self._robot.r, "q_e", "raise")
         for _ in range(times):
             about = np.array(self._filter.xi)
             self._start(mean_of(self._robot))

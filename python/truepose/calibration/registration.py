@@ -237,7 +237,7 @@ class KnownPoses(NamedTuple):
 def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
     """Check shapes and values of known poses; no rows without any."""
     if given is None:
-        return KnownPoses(np.zeros((0, robot.n + robot.r)), *np.zeros((2, 0, robot.n)))
+        return KnownPoses(np.zeros((0, robot.m + robot.r)), *np.zeros((2, 0, robot.n)))
     if logs.is_table(given):
         log = logs.of(robot, given, "known_pose")
         if log.measured is None:
@@ -247,12 +247,12 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
         given = log.readings, log.measured, sigma
     if not (isinstance(given, tuple) and len(given) in (2, 3)):
         raise InputError("known_pose: must be (readings, pose), (readings, pose, σ) or a table")
-    readings, _ = flattened(robot, given[0], robot.n + robot.r, "known_pose: readings", "nan")
+    readings, _ = flattened(robot, given[0], robot.m + robot.r, "known_pose: readings", "nan")
     x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
     if len(readings) != len(x):
         raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
     for k, (row, pose) in enumerate(zip(readings, x, strict=True), 1):
-        if not np.isfinite(row[: robot.n]).all():
+        if not np.isfinite(row[: robot.m]).all():
             raise InputError(f"known_pose: row {k}: every motor must have been read")
         if np.isinf(pose).any() or np.isnan(pose).all():
             raise InputError(

@@ -143,7 +143,7 @@ def residuals(result: Assessment) -> Table:
     """Tabulate readings' rms errors against the motors' prediction; last: poses fitted."""
     rows, good = [], counted(result)
     robot, after, seen = result.fit.robot, result.after, result.fit.registration
-    fitted = result.fit.residuals[:, robot.n :]
+    fitted = result.fit.residuals[:, robot.m :]
     if seen is not None:
         fitted = np.hstack([fitted, seen.see(robot, result.fit.x, result.log.measured).residual])
     every = (result.before.residual, after.residual, result.held_out, after.sigma, fitted)

@@ -149,7 +149,7 @@ def zero(
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
     known = _sigma_of(robot, sigma)
-    read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
+    read = np.asarray(np.isfinite(log.readings[:, : robot.m]).all(axis=1))
     if not read.any():
         raise InputError("no line has a reading of every motor")
     postures, notes = _postures_of(robot, log.only(read), at, known)
@@ -275,12 +275,12 @@ def _mean_of(rows: Array) -> Array:
 
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
     """Return a note on motion within a posture's rows; "" without any."""
-    q = here[:, : robot.n]
+    q = here[:, : robot.m]
     x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
     if np.isnan(x).any(axis=1).all():  # units, signs: see :func:`zeroing.zero`
         return ""
     moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
-    noise = knowledge.reading_sigma(robot)[: robot.n]
+    noise = knowledge.reading_sigma(robot)[: robot.m]
     k, units = int(np.argmax(size / noise)), reading_units(robot)
     said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
     still = (moved <= _OTHER * sigma).all()  # False where some rows close no loop
@@ -331,7 +331,7 @@ def _require_agreement(
 
 def _require_near(robot: Robot, poses: Log, leaning: Leaning | None) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
-    model, n, rows = robot.expected(), robot.n, poses.readings
+    model, n, rows = robot.expected(), robot.m, poses.readings
     x, sigma = np.asarray(poses.measured), np.asarray(poses.measured_sigma)
     known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
     if leaning is not None:
@@ -370,7 +370,7 @@ def _require_near(robot: Robot, poses: Log, leaning: Leaning | None) -> Array:
 
 
 def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
-    before, after, n = fit.prior, fit.robot, fit.robot.n
+    before, after, n = fit.prior, fit.robot, fit.robot.m
     x = fit.x[:1]  # perhaps slightly beyond a stop
     drawn = before.extended_positions(x, level=fit.level)[0, :n]
     off = after.extended_positions(x, level=fit.level)[0, :n] - drawn

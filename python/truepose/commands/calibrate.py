@@ -100,7 +100,7 @@ def command(
     write = options.writer(inputs, force, robot=out, report=report, plot=plot)
     made = options.load_with(robot, sensors)
     sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
-    units = reading_units(made)[: made.n]
+    units = reading_units(made)[: made.m]
     moved = options.parse_each(homed, "--rehomed", units, f"{made.name}'s motors read")
     made = made if moved is None else rehomed(made, moved)
     reference = options.parse_pose(made, reference_pose, "--reference-pose")

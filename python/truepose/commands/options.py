@@ -361,7 +361,7 @@ def load_with(robot: str, sensors: str | None) -> Robot:
 
 def tell_exact(robot: Robot, sensors: Iterable[str]) -> None:
     """Print which motors and which of these sensors are taken as exact, if any."""
-    names = {*robot.readings[: robot.n], *sensors}
+    names = {*robot.readings[: robot.m], *sensors}
     if exact := [one for one in exact_readings(robot, every=True) if one in names]:
         say(f"{robot.name}: {told_exact(exact)}", err=True)
 

@@ -143,7 +143,7 @@ def check_command(
 def _summary(robot: Robot) -> str:
     sensors = ", ".join(robot.sensors) or "none"
     return (
-        f"{robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}), "
+        f"{robot.name}, n = {robot.m} motors, r = {robot.r} sensors in use ({sensors}), "
         f"{len(robot.parameters)} parameters"
     )
 
@@ -193,7 +193,7 @@ def warnings(robot: Robot) -> list[str]:
     if exact := assumptions.exact_readings(robot, every=True):
         lines.append(assumptions.told_exact(exact))
     lines += assumptions.implausible(robot)
-    units = reading_units(robot)[robot.n :]
+    units = reading_units(robot)[robot.m :]
     for sensor, r, unit in zip(robot.spec.used, robot.rkm(robot.home), units, strict=True):
         if sensor.range is not None and not sensor.range[0] <= r <= sensor.range[1]:
             at, low, high = (printed(float(value), unit) for value in (r, *sensor.range))
@@ -216,8 +216,10 @@ def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     """Return the number of regular grid poses, of the others by reason, and of all."""
     found = reach(robot, workspace_grid(robot, GRID[robot.n]))
     # Beyond a singularity det J has the other sign: home has no path to these poses.
-    home = np.linalg.det(robot.jacobian(robot.home))
-    beyond = int((np.linalg.det(found.J[found.regular]) * home < 0).sum())
+    beyond = 0
+    if robot.m == robot.n:
+        home = np.linalg.det(robot.jacobian(robot.home))
+        beyond = int((np.linalg.det(found.J[found.regular]) * home < 0).sum())
     lost = found.refused | ({"beyond a singularity, from home": beyond} if beyond else {})
     return int(found.regular.sum()) - beyond, lost, len(found.q)
 

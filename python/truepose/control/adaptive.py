@@ -114,7 +114,7 @@ class AdaptiveCalibrator:
             Health of each reading by a fault monitor, as :attr:`truepose.Simulation.health`. Rows
             with a reading that is suspect or failed are left out.
         """
-        width = self.robot.n + self.robot.r
+        width = self.robot.m + self.robot.r
         rows, _ = flattened(self.robot, q_e, width, "q_e", errors)
         usable = np.isfinite(rows).all(axis=1)
         if health is not None:
@@ -178,7 +178,7 @@ class AdaptiveCalibrator:
 
     def _learn(self, rows: Array) -> None:
         """Learn one window."""
-        factors = np.ones(self.robot.n + self.robot.r)
+        factors = np.ones(self.robot.m + self.robot.r)
         explained, used, x = self._without_outliers(rows, factors)
         fits, misfit = explained.fits()
         if not fits:
@@ -225,7 +225,7 @@ class AdaptiveCalibrator:
     def _noise(self, rows: Array) -> Array:
         """Return by how much the noise of each reading has grown."""
         before = self._memory.windows(self.robot)
-        plain = np.ones(self.robot.n + self.robot.r)
+        plain = np.ones(self.robot.m + self.robot.r)
         equations, _, _ = self._memory.equations(self.robot, rows, plain)
         factors = plain
         for _ in range(2):
@@ -267,7 +267,7 @@ class AdaptiveCalibrator:
             return ()
         found = []
         for k, name in enumerate(self.robot.readings):
-            without = np.ones(self.robot.n + self.robot.r)
+            without = np.ones(self.robot.m + self.robot.r)
             without[k] = LEFT_OUT
             if self._without_outliers(rows, without)[0].fits()[0]:
                 found.append(name)

@@ -55,12 +55,12 @@ def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
 def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
     """Return a law's matrix E, (n, n + r), with multirate and delayed sensors on the motors."""
     # Within milliseconds such a sensor's value follows the motors.
-    slow, n, E = clock(robot, period), robot.n, E.copy()
+    slow, n, E = clock(robot, period), robot.m, E.copy()
     if slow is None:
         return E
     for k in range(robot.r):
         if slow.every[k] > 1 or slow.age[k] > 0:
-            E[:, :n] += np.outer(E[:, n + k], np.linalg.solve(H_x[:n].T, H_x[n + k]))
+            E[:, :n] += np.outer(E[:, n + k], H_x[n + k] @ np.linalg.pinv(H_x[:n]))
             E[:, n + k] = 0
     return E
 
@@ -71,16 +71,16 @@ def sensitivity(robot: Robot) -> Array:
 
     The largest over the workspace; a calibrated robot's telemeter drifts by some 0.1 mm per metre.
     """
-    n, uncertain = robot.n, knowledge.uncertain(robot)
+    n, uncertain = robot.m, knowledge.uncertain(robot)
     root = knowledge.root(robot, uncertain)
 
     def open_(x: Array) -> Array:
         """Return the geometry's part of the parity, (N, r, p)."""
         H_x, H_xi = knowledge.linearized(robot, x, uncertain, "nan", "ideal")
         H_xi = H_xi @ root
-        return H_xi[:, n:] - H_x[:, n:] @ np.linalg.solve(H_x[:, :n], H_xi[:, :n])
+        return H_xi[:, n:] - H_x[:, n:] @ np.linalg.pinv(H_x[:, :n]) @ H_xi[:, :n]
 
     x = samples_or_home(robot, _POSES)
-    steps = _STEP * np.eye(n)
+    steps = _STEP * np.eye(robot.n)
     changes = [(open_(x + step) - open_(x - step)) / (2 * _STEP) for step in steps]
     return np.nanmax(np.linalg.norm(changes, axis=-1), axis=1).T

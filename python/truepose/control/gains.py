@@ -127,11 +127,12 @@ def _chosen(
 
 def friction_poles(robot: Robot, effects: Effects) -> float:
     """Return poles, rad/s, at which friction F, errors of F/(ω² I), shifts the platform `_HELD`."""
-    x, n = poses(robot), robot.n
+    x = poses(robot)
     J, M = robot.jacobian(x), robot.mass_matrix(x)
-    # J (JᵀMJ)⁻¹ is (JᵀM)⁻¹.
-    moves = np.abs(np.linalg.inv(J.swapaxes(-1, -2) @ M))[:, summed(robot).columns]
-    off = moves @ np.array(effects.plant(robot).friction[:n])
+    # J (JᵀMJ)⁺ is M⁻¹ Kᵀ.
+    moves = np.abs(np.linalg.solve(M, np.linalg.pinv(J).swapaxes(-1, -2)))
+    moves = moves[:, summed(robot).columns]
+    off = moves @ np.array(effects.plant(robot).friction[: robot.m])
     return float(np.sqrt(off.max(initial=0.0) / _HELD))
 
 

@@ -21,6 +21,7 @@ from truepose.control import delays
 from truepose.control.effects import Effects
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
+from truepose.robot.batches import inverse
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -48,6 +49,7 @@ class Plant:
     inertia: Array  #: (n, n) accelerations of the motors to torques
     period: float
     late: int
+    freedoms: int  #: of the platform
 
     def response(self, z: Array) -> tuple[Array, Array]:
         """Return readings, (..., n + r, n), and the platform's twist, (..., n, n), per torque.
@@ -56,7 +58,7 @@ class Plant:
         """
         z = z[..., None, None]
         states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B) / z**self.late
-        return self.C @ states + self.D / z ** (1 + self.late), states[..., : len(self.E), :]
+        return self.C @ states + self.D / z ** (1 + self.late), states[..., : self.freedoms, :]
 
     def closed(self, gains: ControllerSettings, gain: float = 1.0) -> Array:
         """Return the closed loop's matrix from one cycle to the next; `gain` scales its feedback.
@@ -114,13 +116,13 @@ def _plant(
 ) -> Plant:
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
-    n, chains, period = robot.n, robot.spec.chain, settings.period
+    n, motors, chains, period = robot.n, robot.m, robot.spec.chain, settings.period
     H_x, H_xi = robot.linearize(x, level="ideal")
     M = robot.mass_matrix(x)
     held, K = _turning(robot, x, M)
-    slope = np.diag(H_x[:n] @ np.linalg.inv(K))
+    slope = (H_x[:motors] * K).sum(axis=1) / (K * K).sum(axis=1)
     leak = robot.cross_sensitivity(x, law, sigma_scale=settings.sigma_scale)
-    E = delays.carried(robot, -np.linalg.solve(robot.jacobian(x), leak), H_x, period)
+    E = delays.carried(robot, -inverse(robot.jacobian(x)) @ leak, H_x, period)
     inertia = slope[:, None] * gain_inertia(robot, settings, x, robot.home)
 
     # Platform, and rotors on compliant arms: see simulation/effects.hpp.
@@ -136,27 +138,27 @@ def _plant(
     one = np.eye(s)
     passed = k * (one[turn] - arms @ one[at])
     passed += damping[:, None] * (one[spin] - arms @ one[speed])
-    rigid = [i for i in range(n) if i not in springy]
-    A, B = np.zeros((s, s)), np.zeros((s, n))
+    rigid = [i for i in range(motors) if i not in springy]
+    A, B = np.zeros((s, s)), np.zeros((s, motors))
     A[at], A[turn] = one[speed], one[spin]
     force = arms.T @ passed - K.T @ viscous @ K @ one[speed] - _weight(robot, x, M, held) @ one[at]
     A[speed] = np.linalg.solve(left, force)
-    B[speed] = np.linalg.solve(left, K[rigid].T @ np.eye(n)[rigid])
+    B[speed] = np.linalg.solve(left, K[rigid].T @ np.eye(motors)[rigid])
     A[spin] = -passed / own[:, None]
-    B[spin] = np.eye(n)[springy] / own[:, None]
+    B[spin] = np.eye(motors)[springy] / own[:, None]
     with np.errstate(over="ignore", invalid="ignore"):
-        whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
+        whole = expm(period * np.block([[A, B], [np.zeros((motors, s + motors))]]))
     if not (np.abs(whole) < _FALLEN).all():
         raise InputError(f"{robot.name}: period {period:g} s: too long, the robot falls")
 
-    C, D = H_x @ one[at], np.zeros((n + robot.r, n))
+    C, D = H_x @ one[at], np.zeros((motors + robot.r, motors))
     C[springy] = slope[springy, None] * one[turn]
     if effects.rod_stiffness:  # rods deflect instantly, in proportion to their torque
         names = list(robot.parameters)
         rods = 2 if robot.spec.mobility in PAIRED else 1
-        carried = np.zeros((n, s))
+        carried = np.zeros((motors, s))
         carried[springy] = passed
-        for i in range(n):
+        for i in range(motors):
             leg = chains[i].actuator == "telescopic"
             longer = H_xi[:, names.index(f"chain{i + 1}." + ("encoder_offset" if leg else "rod"))]
             if leg:
@@ -166,7 +168,7 @@ def _plant(
             C += yields * np.outer(longer, carried[i])
             if i in rigid:
                 D[:, i] += yields * longer
-    return Plant(whole[:s, :s], whole[:s, s:], C, D, E, inertia, period, int(effects.delay))
+    return Plant(whole[:s, :s], whole[:s, s:], C, D, E, inertia, period, int(effects.delay), n)
 
 
 def ringing(robot: Robot, x: Array, effects: Effects) -> float:
@@ -182,12 +184,12 @@ def ringing(robot: Robot, x: Array, effects: Effects) -> float:
 
 
 def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
-    """Return the torques at rest, and the matrix from the platform's to motor rates, (n, n)."""
+    """Return the torques at rest, and the matrix from the platform's to motor rates, (m, n)."""
     if not np.linalg.eigvalsh(M).min() > 0:
         raise InputError(f"{robot.name}: has motions without inertia: add masses to its file")
     still = np.zeros(robot.n)
     held = robot.inverse_dynamics(x, still, still)
-    ones = robot.acceleration(x, still, held + np.eye(robot.n))
+    ones = robot.acceleration(x, still, held + np.eye(robot.m))
     # Row i: change of the acceleration by one unit of torque i, M⁻¹ Kᵀ.
     return held, (ones - robot.acceleration(x, still, held)) @ M
 

@@ -101,7 +101,7 @@ class Responses:
         return np.sqrt((each**2).sum(axis=-1))
 
     def _alone(self, gains: ControllerSettings) -> Array:
-        torques = self.inertia @ self.E @ self.readings @ np.linalg.inv(self.inertia)
+        torques = self.inertia @ self.E @ self.readings @ np.linalg.pinv(self.inertia)
         loops = self._own(gains, torques), self._own(gains, self.readings @ self.E)
         return np.concatenate(loops, axis=-1)
 

@@ -176,7 +176,7 @@ def stability_margins(
     x = as_rows(robot, gains.poses(robot) if poses is None else poses, "poses", 1)
     found = Responses(plants(robot, x, controller.built_in, effects, controller))
     read = robot if effects.quantization else robot.without_quantization()
-    names = [*(f"motor {i + 1}" for i in range(robot.n)), *robot.readings]
+    names = [*(f"motor {i + 1}" for i in range(robot.m)), *robot.readings]
     alone = map(list, zip(*found.alone(controller), strict=True))
     loops = {ALL: found.common(controller), **dict(zip(names, alone, strict=True))}
     return StabilityMargins(

@@ -210,8 +210,8 @@ def with_noise(robot: Robot, sigma: Array) -> Robot:
     """Return the robot with the σ of its readings, noise and count together, (n + r,)."""
     noise = np.sqrt(np.maximum(sigma**2 - robot.resolution**2 / 12, 0.0)).tolist()
     spec = robot.spec
-    sensors = dict(zip(robot.sensors, noise[robot.n :], strict=True))
-    chains = zip(spec.chain, noise[: robot.n], strict=True)
+    sensors = dict(zip(robot.sensors, noise[robot.m :], strict=True))
+    chains = zip(spec.chain, noise[: robot.m], strict=True)
     changed = {
         "chain": tuple(c.model_copy(update={"encoder_noise": own}) for c, own in chains),
         "sensor": tuple(

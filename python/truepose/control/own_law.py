@@ -17,9 +17,9 @@ from truepose.robot.robot import Robot
 def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
     """Evaluate an own law; InputError where it returns another shape, or no finite number."""
     error = numbers_of(law(robot, x_d, q_e), law_name(law))
-    if error.shape != (robot.n,):
+    if error.shape != (robot.m,):
         raise InputError(
-            f"{law_name(law)}: returns shape {error.shape}, must be the motor error ({robot.n},)"
+            f"{law_name(law)}: returns shape {error.shape}, must be the motor error ({robot.m},)"
         )
     if not np.isfinite(error).all():
         raise InputError(f"{law_name(law)}: returns {error} at x_d = {x_d}; must be finite")
@@ -28,10 +28,10 @@ def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
 
 def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], Array]:
     """Return an own law as the core calls it once per control period: vectors of its sizes."""
-    n = robot.n
+    n, width = robot.n, robot.m + robot.r
 
     def error(x_d: list[float], q_e: list[float]) -> Array:
-        return motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[: n + robot.r]))
+        return motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[:width]))
 
     return error
 
@@ -55,15 +55,17 @@ def equilibrium(
     def unbalanced(x: Array) -> Array:
         q_e = truth.extended_positions(x, errors="nan")
         if not np.isfinite(q_e).all():
-            return np.full(robot.n, 1e3)  # out of reach: makes the solver step back
+            return np.full(robot.m, 1e3)  # out of reach: makes the solver step back
         error = motor_error(law, robot, x_d, q_e)
         if not gravity:
             return error
         lacks = fed - truth.inverse_dynamics(x, rest, rest)
-        return error + np.linalg.solve(controller.frequency**2 * inertia, lacks)
+        return error + np.linalg.pinv(controller.frequency**2 * inertia) @ lacks
 
     begin = truth.fkm(robot.ikm(x_d), errors="nan")
     if not np.isfinite(begin).all():
         return begin, False
-    found = root(unbalanced, begin, tol=1e-12)
-    return found.x, bool(np.abs(unbalanced(found.x)).max() < 1e-9)
+    # More motors than freedoms: as far as a motion of the platform corrects it.
+    of = robot.jacobian(x_d) if robot.m > robot.n else np.eye(robot.n)
+    found = root(lambda x: of @ unbalanced(x), begin, tol=1e-12)
+    return found.x, bool(np.abs(of @ unbalanced(found.x)).max() < 1e-9)

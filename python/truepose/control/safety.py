@@ -151,11 +151,11 @@ class SafetyShell:
         if np.ndim(default) == 0:
             return value
         motors = numbers_of(value, name)
-        if motors.shape not in ((), (robot.n,)) or not ((motors > 0) & (motors < np.inf)).all():
+        if motors.shape not in ((), (robot.m,)) or not ((motors > 0) & (motors < np.inf)).all():
             raise InputError(
-                f"{name} = {value}: must be a finite number greater than 0, or {robot.n} of them"
+                f"{name} = {value}: must be a finite number greater than 0, or {robot.m} of them"
             )
-        return np.broadcast_to(motors, robot.n)
+        return np.broadcast_to(motors, robot.m)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,11 +177,11 @@ class SafetyLimits(Shown):
 
     def motors(self, name: str) -> Array:
         """Return a limit of every motor, (n,), for instance of "speed"."""
-        return np.array(getattr(self.core, name)[: self.robot.n])
+        return np.array(getattr(self.core, name)[: self.robot.m])
 
     def table(self) -> Table:
         """Return one row per limit: its value, of each motor where they differ, and derivation."""
-        units = reading_units(self.robot)[: self.robot.n]
+        units = reading_units(self.robot)[: self.robot.m]
         rows = []
         for name, (kind, derived) in _ROWS.items():
             value = getattr(self.core, name)
@@ -245,7 +245,7 @@ class SafetyLimits(Shown):
         kinds = ("speed", "q/s"), ("torque", "t"), ("slew", "t/s")
         for (name, kind), need in zip(kinds, needs, strict=True):
             most = self.motors(name)
-            if (over := np.array(need[: self.robot.n]) > most).any():
+            if (over := np.array(need[: self.robot.m]) > most).any():
                 k = int(over.argmax())
                 raise InputError(
                     f"safety: {name} of motor {k + 1}: the path needs {need[k]:.4g} "
@@ -265,7 +265,7 @@ class SafetyLimits(Shown):
             raise not_started(self.robot, cause[0])
 
     def _require_consistent(self) -> None:
-        status, motor = _core.consistent(self.core, self.robot.n)
+        status, motor = _core.consistent(self.core, self.robot.m, self.robot.n)
         if status <= 0:
             return
         core = self.core

@@ -117,7 +117,7 @@ def reachable(robot: Robot, x: Array, level: Level) -> Array:
     q, J = model.ikm(x, "nan", "ideal", own_mode=True), model.jacobian(x, errors="nan")
     readings = model.extended_positions(x, "nan", level)
     good: Array = np.isfinite(np.hstack([q, J.reshape(len(x), -1), readings])).all(axis=1)
-    for k, sensor in enumerate(robot.spec.used, start=robot.n):
+    for k, sensor in enumerate(robot.spec.used, start=robot.m):
         if sensor.range is not None:
             low, high = sensor.range
             good &= (readings[:, k] >= low) & (readings[:, k] <= high)

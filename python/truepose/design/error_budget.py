@@ -149,7 +149,7 @@ def _sources(model: LinearErrors) -> list[tuple[str, float | None, str]]:
     sources = [_parameter(robot, name) for name in model.names]
     sources += [(one.source, one.sigma, one.unit) for one in conditions.known(robot)]
     sources += [("reference pose", None, "")] * (len(model.uniform) - len(sources))
-    units, readings = reading_units(robot), ["motors"] * robot.n + list(robot.sensors)
+    units, readings = reading_units(robot), ["motors"] * robot.m + list(robot.sensors)
     for names, sigma in zip(
         (readings, ["backlash"] * len(units)), model.parts.tolist(), strict=True
     ):

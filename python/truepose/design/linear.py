@@ -72,13 +72,13 @@ class LinearErrors:
         robot, (visited, touched, sigma) = self.robot, self.known
         self._parts = parts_of(robot, self.angle)
         self.names = [name for name, p in robot.parameters.items() if p.sigma > 0]
-        most = min(_core.max_sensors, _core.max_readings - robot.n)
+        most = min(_core.max_sensors, _core.max_readings - robot.m)
         groups = [self.sensors[k : k + most] for k in range(0, len(self.sensors), most)]
         robots = [robot.with_sensors(*group) for group in groups or [[]]]
 
         def joined(each: Sequence[Array], axis: int) -> Array:
             """Join values of readings, those of the motors once."""
-            own = [each[0], *(np.delete(one, range(robot.n), axis) for one in each[1:])]
+            own = [each[0], *(np.delete(one, range(robot.m), axis) for one in each[1:])]
             return np.concatenate(own, axis)
 
         def linearized(x: Array, when: conditions.When) -> tuple[Array, Array]:
@@ -110,7 +110,7 @@ class LinearErrors:
 
         `scale` multiplies σ of each unknown, then of :attr:`parts`.
         """
-        n, p = self.robot.n, len(self.uniform)
+        n, p = self.robot.m, len(self.uniform)
         sensors = range(len(self.sensors)) if chosen is None else chosen
         at = [*range(n), *(n + k for k in sensors)]
         shares = self._shares[:, at]

@@ -221,7 +221,7 @@ def _room(robot: Robot, sensors: Sequence[str], over: Array) -> Array:
     """Return the distances of readings from the ends of their ranges; negative beyond."""
     readings = robot.expected().extended_positions(over, "nan", robot.highest_level)
     rooms = []
-    for k, sensor in enumerate(robot.spec.used, start=robot.n):
+    for k, sensor in enumerate(robot.spec.used, start=robot.m):
         if sensor.name in sensors and sensor.range is not None:
             low, high = sensor.range
             rooms += [np.nanmin(readings[:, k]) - low, high - np.nanmax(readings[:, k])]

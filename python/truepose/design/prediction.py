@@ -47,7 +47,7 @@ def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
     kinds = dict.fromkeys(spare.values())
     groups = [tuple(name for name in spare if spare[name] == kind) for kind in kinds]
     added = [(), *((name,) for name in spare), *groups, tuple(spare)]
-    most = min(_core.max_sensors, _core.max_readings - robot.n)
+    most = min(_core.max_sensors, _core.max_readings - robot.m)
     sets = [(), *(robot.sensors + names for names in added)]
     return list(dict.fromkeys(names for names in sets if len(names) <= most))
 

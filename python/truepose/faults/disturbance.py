@@ -103,7 +103,7 @@ def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.E
             event.size = disturbance.size
         if disturbance.until is not None:
             event.end = disturbance.until
-        motors = robot.readings[: robot.n]
+        motors = robot.readings[: robot.m]
         if disturbance.motor is not None:
             if disturbance.motor not in motors:
                 raise InputError(f"friction: {choose('motor', disturbance.motor, motors)}")

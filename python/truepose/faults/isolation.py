@@ -161,7 +161,7 @@ def isolate(
         raise InputError(f"{robot.name}: no redundant sensor in use: isolation needs one")
     level = robot.highest_level if level is None else level
     model = robot.expected().with_level(level)
-    rows, _ = flattened(model, readings, robot.n + robot.r, "readings", "nan")
+    rows, _ = flattened(model, readings, robot.m + robot.r, "readings", "nan")
     evidence = partial(_evidence, model, level, model_error)
     used, y, columns = evidence(rows)
     if not used.any():
@@ -207,7 +207,7 @@ def _evidence(
     model: Robot, level: Level, model_error: bool, rows: Array
 ) -> tuple[Array, Array, Array]:
     """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
-    poses = model.fkm(rows[:, : model.n], errors="nan")
+    poses = model.fkm(rows[:, : model.m], errors="nan")
     # Singular poses have no parity.
     regular = np.isfinite(model.linearize(poses, "nan", level)[0]).all(axis=(1, 2))
     used = np.asarray(regular & np.isfinite(rows).all(axis=1))
@@ -215,7 +215,7 @@ def _evidence(
         return used, np.zeros(0), np.zeros((0, 0))
     found = parity(model, poses[used], level, model_error)
     error = rows[used] - model.extended_positions(poses[used])
-    for k, unit in enumerate(reading_units(model)[model.n :], model.n):
+    for k, unit in enumerate(reading_units(model)[model.m :], model.m):
         if unit == "rad":  # whole turns of a sensor are no fault
             turn = 2 * math.pi * abs(model.parameters[f"{model.readings[k]}.gain"].value)
             error[:, k] -= turn * np.round(error[:, k] / turn)

@@ -42,7 +42,7 @@ class Detectability(Shown):
     """Smallest faults of each reading that tests of the readings alone find; inf where none does.
 
     In m or rad of the reading, for a constant error: a bias, a jump, or a drift at that time.
-    Leading shape (...) is that of the poses, m = n + r readings.
+    Leading shape (...) is that of the poses, m readings.
     """
 
     robot: Robot
@@ -248,7 +248,8 @@ def detectability(
     if not len(rows):
         raise InputError("poses: none")
     found = parity(model, rows, level, model_error)
-    m, r = robot.n + robot.r, robot.r
+    m = robot.m + robot.r
+    r = m - robot.n
 
     at_rest = found.at_rest()
     gram = at_rest.swapaxes(-1, -2) @ at_rest

@@ -180,10 +180,10 @@ class FaultMonitor:
         >>> review.failed, int(review.first)
         (['theta'], 200)
         """
-        rows = as_rows(robot, q_e, "q_e", width=robot.n + robot.r, errors="nan")
-        asked = rows[:, : robot.n] if desired is None else np.asarray(desired, dtype=float)
-        if asked.shape != (len(rows), robot.n):
-            raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
+        rows = as_rows(robot, q_e, "q_e", width=robot.m + robot.r, errors="nan")
+        asked = rows[:, : robot.m] if desired is None else np.asarray(desired, dtype=float)
+        if asked.shape != (len(rows), robot.m):
+            raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.m)}")
         positive("period", period)
         setup = self.setup(robot, Controller(law="joint", period=period))
         log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
@@ -285,7 +285,7 @@ def _fastest(robot: Robot) -> Array:
     """Return each reading's largest second derivative by the motor torque limits; 0: unknown."""
     most, status, _ = _core.fastest(robot.core, samples_or_home(robot, _POSES))
     most = most[status <= 0]
-    return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.n + robot.r)
+    return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.m + robot.r)
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
@@ -313,14 +313,14 @@ def _moved(
     # The error at which the PD overcomes friction; unknown without a torque limit.
     sticks = np.array([assumed_friction(chain) for chain in robot.spec.chain])
     if effects is not None:
-        sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.n])
+        sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.m])
     away = sticks / (controller.frequency**2 * _inertia(robot, controller))
     if controller.gains == "inertia":  # one motor's friction moves the others, too
         J, home = robot.jacobian(robot.home), robot.home
         inertia = J.T @ robot.mass_matrix(home) @ J
-        away = np.abs(np.linalg.inv(inertia)) @ sticks / controller.frequency**2
-    moved[: robot.n] += away
-    return moved, away + _AWAY * robot.resolution[: robot.n]
+        away = np.abs(np.linalg.pinv(inertia)) @ sticks / controller.frequency**2
+    moved[: robot.m] += away
+    return moved, away + _AWAY * robot.resolution[: robot.m]
 
 
 def _shaken(robot: Robot, controller: Controller) -> Array:
@@ -338,7 +338,7 @@ def _limits(robot: Robot) -> Array:
 def _inertia(robot: Robot, controller: Controller) -> Array:
     """Return each motor's inertia at home: torque over acceleration."""
     gains = replace(controller, gains="diagonal")
-    kp = np.array(gains.settings(robot, robot.home).kp[: robot.n])
+    kp = np.array(gains.settings(robot, robot.home).kp[: robot.m])
     return kp / controller.frequency**2
 
 

@@ -32,9 +32,9 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
     >>> print(*undetected_motors(found, np.array([h4.home])).rows[0], sep="; ")
     q1; 3.00°; 14.4 mm, 0°; theta 0°; 0.0482 N·m (0.300)
     """
-    robot, n = found.robot, found.robot.n
+    robot, n = found.robot, found.robot.m
     turns, units = angles(robot), reading_units(robot)
-    rest = np.zeros(n)
+    rest = np.zeros(robot.n)
     rows = []
     for i, chain in enumerate(robot.spec.chain):
         off = np.minimum(found.detected.reshape(-1, n + robot.r)[:, i], MOST[units[i]])

@@ -44,6 +44,6 @@ def corrected(robot: Robot, readings: Array, leans: Array) -> Array:
     if not lean.gravity_referred(robot).any():
         return readings
     model = robot.expected()
-    x = model.fkm(readings[:, : robot.n], errors="nan")
+    x = model.fkm(readings[:, : robot.m], errors="nan")
     x = np.where(np.isnan(x).any(axis=1, keepdims=True), robot.home, x)
     return readings - lean.inclination(model, x, leans)

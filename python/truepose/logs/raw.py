@@ -39,12 +39,12 @@ def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: 
             )
         return value
     turns = column.endswith("_turns")
-    if at < robot.n:
+    if at < robot.m:
         chain, part = robot.spec.chain[at], f"chain {at + 1}"
         key, file = ("lead", chain.lead) if turns else ("encoder_counts", encoder_step(chain))
     else:  # no key of a sensor has turns
         part, key = f"sensor {name}", "" if turns else "counts or resolution"
-        file = robot.spec.used[at - robot.n].step if key else None
+        file = robot.spec.used[at - robot.m].step if key else None
     if not file:
         or_else = f", or give {part} its {key} in the robot file" if key else ""
         raise InputError(

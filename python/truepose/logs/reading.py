@@ -336,7 +336,7 @@ class Cells(NamedTuple):
         sigmas = [f"{name}_sigma" for name in outside]
         # Loads have no effect on stiff rods.
         forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
-        tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
+        tensions = [f"q{i + 1}_tension" for i in range(robot.m) if robot.spec.stretches]
         standing = [POSTURE] if robot.spec.mobility == "rotational" else []
         free = [name for name in columns if name not in one]
         labels = {name: self.labels(name) for name in (*PLANES, POINT, *standing) if name in free}

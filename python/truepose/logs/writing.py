@@ -44,7 +44,7 @@ def readings(robot: Robot, q_e: Array) -> list[Column]:
     kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
     result = []
     for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
-        what = f"motor {k + 1}'s encoder" if k < robot.n else f"sensor {name} ({kinds[name]})"
+        what = f"motor {k + 1}'s encoder" if k < robot.m else f"sensor {name} ({kinds[name]})"
         result.append(Column("readings", name, unit, f"reading of {what}", q_e[:, k]))
     return result
 

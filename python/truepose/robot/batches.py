@@ -56,11 +56,12 @@ def as_rows(
     return rows
 
 
-def as_row(robot: Description, values: ArrayLike, name: str) -> Array:
-    """Check a single vector, (n,), such as a pose."""
-    rows, lead = flattened(robot, values, robot.n, name, "raise")
+def as_row(robot: Description, values: ArrayLike, name: str, width: int | None = None) -> Array:
+    """Check a single vector, by default (n,), such as a pose."""
+    width = robot.n if width is None else width
+    rows, lead = flattened(robot, values, width, name, "raise")
     if lead:
-        raise InputError(f"{name}: shape {(*lead, robot.n)}, must be ({robot.n},)")
+        raise InputError(f"{name}: shape {(*lead, width)}, must be ({width},)")
     return rows[0]
 
 
@@ -118,17 +119,27 @@ def at_poses(
     return [of.reshape(*lead, *of.shape[1:]) for of in results]
 
 
-def together(robot: Description, errors: Errors, **values: ArrayLike) -> list[Array]:
-    """Check arrays (..., n) by name and broadcast their leading shapes."""
-    arrays = [
-        rows.reshape(*lead, robot.n)
-        for rows, lead in (flattened(robot, v, robot.n, n, errors) for n, v in values.items())
-    ]
+def together(
+    robot: Description, errors: Errors, *, motors: str = "", **values: ArrayLike
+) -> list[Array]:
+    """Check arrays (..., n), of `motors` (..., m), by name and broadcast their leading shapes."""
+    widths = [robot.m if name == motors else robot.n for name in values]
+    every = zip(widths, values.items(), strict=True)
+    flat = (flattened(robot, v, width, name, errors) for width, (name, v) in every)
+    arrays = [rows.reshape(*lead, rows.shape[-1]) for rows, lead in flat]
     try:
-        return list(np.broadcast_arrays(*arrays))
+        lead = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
+        return [np.broadcast_to(a, (*lead, a.shape[-1])) for a in arrays]
     except ValueError:
         shapes = ", ".join(f"{n} {a.shape}" for n, a in zip(values, arrays, strict=True))
         raise InputError(f"{shapes}: leading shapes must broadcast") from None
+
+
+def inverse(J: Array) -> Array:
+    """Return K, q̇ = K ẋ, (..., m, n): J⁻¹, or its pseudo-inverse with redundant motors."""
+    across = J.swapaxes(-1, -2)
+    square = J.shape[-1] == J.shape[-2]
+    return np.linalg.inv(J) if square else np.linalg.solve(J @ across, J).swapaxes(-1, -2)
 
 
 def _list(values: Array) -> str:

@@ -61,7 +61,7 @@ class Payloads:
     def arrays(self, robot: Description, lines: int) -> dict[str, Array]:
         """Check the loads and expand them to every row; NaN is no force."""
         result = {}
-        for name, width, empty in (("force", 3, 0.0), ("tension", robot.n, np.nan)):
+        for name, width, empty in (("force", 3, 0.0), ("tension", robot.m, np.nan)):
             given = getattr(self, name)
             values = np.full(width, empty) if given is None else numbers_of(given, name)
             try:
@@ -106,7 +106,7 @@ def under_load(
     """
     load = robot.spec.compliance.load if robot.spec.compliance else (0.0, 0.0, 0.0)
     force = np.tile(load, (len(x), 1)) + (0.0 if force is None else force)
-    tension = np.full((len(x), robot.n), np.nan) if tension is None else tension
+    tension = np.full((len(x), robot.m), np.nan) if tension is None else tension
     chains, arms = np.split(of_all(robot) if compliance is None else compliance, 2)
     x, tension = np.ascontiguousarray(x), np.ascontiguousarray(tension)
     by = chains, arms
@@ -121,7 +121,7 @@ def of_all(robot: Description) -> Array:
 def given_way(robot: Description, x: Array, full: bool, **loads: Array) -> UnderLoad:
     """Return the readings' change due to compliance, exactly; the rest as :func:`under_load`."""
     at = under_load(robot, x, full, **loads)
-    stiff = under_load(robot, x, full, compliance=np.zeros(2 * robot.n), **loads)
+    stiff = under_load(robot, x, full, compliance=np.zeros(2 * robot.m), **loads)
     return at._replace(readings=at.readings - stiff.readings)
 
 
@@ -146,7 +146,7 @@ def unknown(robot: Description) -> list[str]:
 def columns(robot: Description, names: Sequence[str], by_compliance: Array) -> Array:
     """Select derivatives by these compliances, (N, n + r, len(names)), from all."""
     kinds = {COMMON: "compliance", ARMS: "arm_compliance"}
-    own = [(f"chain{i + 1}.{key}", common) for common, key in kinds.items() for i in range(robot.n)]
+    own = [(f"chain{i + 1}.{key}", common) for common, key in kinds.items() for i in range(robot.m)]
     return by_compliance @ np.array([[float(n in every) for n in names] for every in own])
 
 

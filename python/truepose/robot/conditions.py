@@ -120,7 +120,7 @@ def columns(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Arr
         A motor cannot hold the largest payload there, or its deflections are not small.
     """
     names = [one.name for one in known(robot)]
-    result = np.zeros((len(x), robot.n + robot.r, len(names)))
+    result = np.zeros((len(x), robot.m + robot.r, len(names)))
     if when == "calibration" or not names or not len(x):
         return result
     growth, H_xi = _growth(robot), robot.linearize(x, "nan", "full" if full else "ideal")[1]
@@ -215,7 +215,7 @@ def require_small(robot: Kinematics, x: Array, full: bool) -> None:
     section = robot.spec.conditions or Conditions()
     low, high = section.payload
     core = _with(robot, (high - low) / 2, section.payload_centre)
-    at, n = under_load(robot, x, False, core), robot.n
+    at, n = under_load(robot, x, False, core), robot.m
     strain = np.abs(at.tension * robot.compliance)
     turn = np.abs(at.by_compliance[:, range(n), range(n, 2 * n)] * robot.arm_compliance)
     share = np.hstack([strain / STRAIN, turn / TURN])

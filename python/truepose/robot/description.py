@@ -36,7 +36,7 @@ class Parameter(NamedTuple):
 
 #: Attributes that do not depend on the parameters' values.
 _OF_FILE = {
-    *("spec", "name", "n", "sensors", "r", "readings", "coordinates", "level"),
+    *("spec", "name", "n", "m", "sensors", "r", "readings", "coordinates", "level"),
     *("core_drawn", "_nominal", "_columns", "_tolerated", "_priors"),
 }
 
@@ -50,16 +50,17 @@ class Description:
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self.spec: Final = spec  #: robot file this robot was made from
         self.name: Final = spec.name  #: the robot's name
-        self.n: Final = spec.n  #: number of motors, chains and degrees of freedom
+        self.n: Final = spec.n  #: number of degrees of freedom
+        self.m: Final = spec.m  #: number of motors and chains, n or more
         self.sensors: Final = spec.sensors  #: names of the sensors in use, in the order of r
         self.r: Final = len(spec.sensors)  #: number of redundant sensors in use
-        #: Names of the extended positions q_e: q1 … qn, then the sensors in use.
-        self.readings: Final = (*(f"q{i + 1}" for i in range(spec.n)), *spec.sensors)
+        #: Names of the extended positions q_e: q1 … qm, then the sensors in use.
+        self.readings: Final = (*(f"q{i + 1}" for i in range(spec.m)), *spec.sensors)
         self.coordinates: Final = spec.coordinates  #: name and unit of each coordinate of x
         #: Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`.
         self.level: Final[Level] = spec.level or "ideal"
         self._nominal = drawn(spec)
-        most = min(_core.max_sensors, _core.max_readings - spec.n)
+        most = min(_core.max_sensors, _core.max_readings - spec.m)
         if len(spec.sensors) > most:
             raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self.core_drawn = build(spec)
@@ -286,7 +287,7 @@ class Description:
         return self._own("arm_compliance") + self._values.get(ARMS, 0.0)
 
     def _own(self, key: str) -> Array:
-        return np.array([self._values.get(f"chain{i + 1}.{key}", 0.0) for i in range(self.n)])
+        return np.array([self._values.get(f"chain{i + 1}.{key}", 0.0) for i in range(self.m)])
 
     @property
     def is_compliant(self) -> bool:

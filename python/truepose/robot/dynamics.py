@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level
 from truepose.robot import compliance
-from truepose.robot.batches import at_poses, together
+from truepose.robot.batches import at_poses, inverse, together
 from truepose.robot.kinematics import Kinematics
 
 
@@ -21,10 +21,10 @@ class Dynamics(Kinematics):
     def joint_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Compute a rotational platform's joint torques, (..., n): Γ = J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
+        """Compute a rotational platform's joint torques, (..., n): Γ = Kᵀ τ, Γᵀẋ = τᵀq̇.
 
         For other mobilities: the force and moment of the motors on the platform, along its free
-        twist. x, errors and level as for :meth:`ikm`; motor torques (..., n), N·m or N. Leading
+        twist. x, errors and level as for :meth:`ikm`; motor torques (..., m), N·m or N. Leading
         shapes broadcast.
 
         Examples
@@ -34,9 +34,9 @@ class Dynamics(Kinematics):
         >>> print(ankle.joint_torque([0.1, 0.05], [10, 10]).round(2))  # pitch, roll
         [ 0.81 19.17]
         """
-        x, torque = together(self, errors, x=x, torque=torque)
+        x, torque = together(self, errors, motors="torque", x=x, torque=torque)
         J = self.jacobian(x, errors, level)
-        return np.linalg.solve(J.swapaxes(-1, -2), torque[..., None])[..., 0]
+        return (inverse(J).swapaxes(-1, -2) @ torque[..., None])[..., 0]
 
     def motor_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -112,7 +112,7 @@ class Dynamics(Kinematics):
     ) -> Array:
         """Compute the acceleration under motor torques, m/s² and rad/s², shape (..., n).
 
-        The inverse of :meth:`inverse_dynamics`. Torques (..., n) are in N·m (slides: N).
+        The inverse of :meth:`inverse_dynamics`. Torques (..., m) are in N·m (slides: N).
 
         Examples
         --------
@@ -125,6 +125,6 @@ class Dynamics(Kinematics):
         return self._dynamics(_core.acceleration, errors, x=x, rate=rate, torque=torque)
 
     def _dynamics(self, function: Callable[..., Any], errors: Errors, **motion: ArrayLike) -> Array:
-        x, *others = together(self, errors, **motion)
-        rows = [np.ascontiguousarray(values.reshape(-1, self.n)) for values in others]
+        x, *others = together(self, errors, motors="torque", **motion)
+        rows = [np.ascontiguousarray(values.reshape(-1, values.shape[-1])) for values in others]
         return at_poses(self, x, errors, function, *rows)[0]

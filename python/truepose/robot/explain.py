@@ -90,7 +90,7 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
         if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
             return f"axes {axis.name} and {other.name} coincide"
     rows = _core.rod_rows(robot, home)[0][0]
-    for i in range(spec.n):
+    for i in range(spec.m):
         if np.abs(rows[i]).max() <= _HELD * np.abs(rows).max():
             return f"chain {i + 1}: its rod runs through every axis, or along it: no torque"
     for j, axis in enumerate(spec.passive_axis):

@@ -21,7 +21,7 @@ class Conditioning(NamedTuple):
     """Distance of a pose from singularities: 0 singular, 1 best."""
 
     parallel: Array  #: (...) inverse condition number of the rods' lines; 0: type 2, J infinite
-    serial: Array  #: (..., n) share of B's motion along the rod; 0: type 1, arm and rod in line
+    serial: Array  #: (..., m) share of B's motion along the rod; 0: type 1, arm and rod in line
 
 
 class Kinematics(Description):
@@ -39,7 +39,7 @@ class Kinematics(Description):
         level: Level | None = None,
         own_mode: bool = False,
     ) -> Array:
-        """Inverse kinematic model: compute motor positions q, (..., n), rad or m, of the pose x.
+        """Inverse kinematic model: compute motor positions q, (..., m), rad or m, of the pose x.
 
         Each chain closes in its own working mode; the pose may be in any assembly mode. Set
         `own_mode` before commanding a machine: the motors do not hold the platform on the way to a
@@ -73,7 +73,7 @@ class Kinematics(Description):
         """
         full = self.is_full(level)
         (q,) = at_poses(self, x, errors, _core.ikm, full, own_mode, level=level)
-        return self._under_load(q, x, errors, full, slice(self.n))
+        return self._under_load(q, x, errors, full, slice(self.m))
 
     def _under_load(
         self, readings: Array, x: ArrayLike, errors: Errors, full: bool, part: slice
@@ -92,12 +92,12 @@ class Kinematics(Description):
         """
         full = self.is_full(level)
         (r,) = at_poses(self, x, errors, _core.rkm, full)
-        return self._under_load(r, x, errors, full, slice(self.n, None))
+        return self._under_load(r, x, errors, full, slice(self.m, None))
 
     def extended_positions(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Compute the extended positions q_e = [q; r] at the pose x, shape (..., n + r).
+        """Compute the extended positions q_e = [q; r] at the pose x, shape (..., m + r).
 
         Joint limits are not checked: the robot may have been pushed beyond them.
         """
@@ -112,7 +112,7 @@ class Kinematics(Description):
     def read(
         self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Simulate readings [q; r], (..., n + r), with noise, backlash and quantization.
+        """Simulate readings [q; r], (..., m + r), with noise, backlash and quantization.
 
         The same `seed` gives the same noise; true poses x, errors and level as for :meth:`ikm`.
 
@@ -124,7 +124,7 @@ class Kinematics(Description):
         [946. 946. 946. 946.   0.]
         """
         exact = self.extended_positions(x, errors, level)
-        rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
+        rows = np.ascontiguousarray(exact.reshape(-1, self.m + self.r))
         if self.backlash.any():  # approached from either side
             sides = np.random.default_rng([seed, 1]).choice((-0.5, 0.5), rows.shape)
             rows = rows + sides * self.backlash
@@ -160,7 +160,7 @@ class Kinematics(Description):
 
         Parameters
         ----------
-        q : array_like, shape (..., n)
+        q : array_like, shape (..., m)
             Motor positions, rad or m.
         guess : array_like, shape (n,) or (..., n), optional
             Start of the iteration; the file's home pose by default.
@@ -182,7 +182,7 @@ class Kinematics(Description):
         >>> print(x.round(9))
         [ 0.05 -0.02 -0.42  0.3 ]
         """
-        rows, lead = flattened(self, q, self.n, "q", errors)
+        rows, lead = flattened(self, q, self.m, "q", errors)
         start, full = self._guesses(guess, lead, errors), self.is_full(level)
 
         def answer(q: Array, near: Array | None) -> compliance.Answer:
@@ -202,7 +202,7 @@ class Kinematics(Description):
         return flattened(self, start, self.n, "guess", errors)[0]
 
     def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
-        """Compute J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
+        """Compute J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, m)."""
         return at_poses(self, x, errors, _core.jacobian, self.is_full(level))[0]
 
     def gyro(self, x: ArrayLike, errors: Errors = "raise") -> Array:
@@ -236,7 +236,7 @@ class Kinematics(Description):
         return Conditioning(values[..., 0], values[..., 1:])
 
     def skeleton(self, x: ArrayLike) -> Array:
-        """Compute points of every chain at one pose, shape (n, 4, 3), m, base frame.
+        """Compute points of every chain at one pose, shape (m, 4, 3), m, base frame.
 
         P on the motor's axis, B at the arm's end, A at the rod's other end, C the platform anchor
         that carries A (A itself where there is no bar).
@@ -254,9 +254,9 @@ class Kinematics(Description):
 
         Returns
         -------
-        H_x : ndarray, shape (..., n + r, n)
+        H_x : ndarray, shape (..., m + r, n)
             ∂q_e/∂x along the free twist; its first n rows are J⁻¹, the others J_r.
-        H_xi : ndarray, shape (..., n + r, p)
+        H_xi : ndarray, shape (..., m + r, p)
             ∂q_e/∂ξ at fixed x, one column per name of :attr:`parameters`, in their order; columns
             of sensors not in use are zero.
 

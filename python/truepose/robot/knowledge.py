@@ -115,7 +115,7 @@ def stated_error(robot: Kinematics) -> Array:
     """Return σ of the ideal level's model error in each reading, by calibration or prior."""
     learnt = robot.spec.calibration
     if learnt and not learnt.model_error:
-        return np.zeros(robot.n + robot.r)
+        return np.zeros(robot.m + robot.r)
     stated = learnt.model_error if learnt else {}
     if not stated.keys() >= set(robot.readings):
         stated = dict(zip(robot.readings, model_error(robot), strict=True)) | stated
@@ -137,7 +137,7 @@ def model_error(robot: Kinematics) -> Array:
     """Return the rms difference of readings between the levels over the workspace, (n + r,)."""
     errors, box = left_out(robot), robot.spec.workspace
     if not errors or box is None:
-        return np.zeros(robot.n + robot.r)
+        return np.zeros(robot.m + robot.r)
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
     off = full_less_ideal(robot, poses, errors)
     return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))

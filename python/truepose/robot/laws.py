@@ -17,7 +17,7 @@ def usual(robot: Description) -> Law:
 
 def require_sensors(robot: Description, law: str) -> None:
     """Raise InputError unless the robot uses a redundant sensor or the law needs none."""
-    if not robot.r and _core.laws[law].sensed:
+    if robot.m + robot.r == robot.n and _core.laws[law].sensed:
         raise no_sensor(robot, f"law {law!r}")
 
 

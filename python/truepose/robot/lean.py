@@ -37,7 +37,7 @@ def axes(robot: Robot) -> tuple[int, ...]:
 def gravity_referred(robot: Robot) -> Array:
     """Return which readings in use are relative to gravity, (n + r,) bool."""
     kinds = [sensor.kind == "inclinometer" for sensor in robot.spec.used]
-    return np.array([False] * robot.n + kinds)
+    return np.array([False] * robot.m + kinds)
 
 
 def vertical(robot: Robot, lean: Array) -> Array:
@@ -56,7 +56,7 @@ def inclination(robot: Robot, x: Array, lean: Array) -> Array:
     Zero but for inclinometers.
     """
     R = frames.frames(robot, x)[:, :3, :3]
-    result = np.zeros((len(x), robot.n + robot.r))
+    result = np.zeros((len(x), robot.m + robot.r))
     for k in np.flatnonzero(gravity_referred(robot)):
         name = robot.readings[k]
         a, b = (
@@ -110,7 +110,7 @@ def effect(robot: Robot, x: Array, lean: Array, implied: Array) -> Effect:
 
     Rows whose pose is NaN have none.
     """
-    n, width = x.shape[1], robot.n + robot.r
+    n, width = x.shape[1], robot.m + robot.r
     pose, inclined, reading = (np.zeros((len(x), rows, 2)) for rows in (n, width, width))
     good = np.isfinite(x).all(axis=1)
     moved = good & implied.any(axis=1)

@@ -109,7 +109,7 @@ class Robot(Dynamics, Shown):
 
         Parameters
         ----------
-        q : array_like, shape (n,)
+        q : array_like, shape (m,)
             Motor positions, rad or m; InputError unless finite.
         starts, seed : int
             Number of random guesses, and their seed: of all orientations, at positions that the
@@ -123,18 +123,18 @@ class Robot(Dynamics, Shown):
         >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
         (2, True, 2.0)
         """
-        q = as_row(self, q, "q")
+        q = as_row(self, q, "q", self.m)
         whole("starts", starts, 1, 1_000_000)
         return AssemblyModes(*_core.assembly_modes(self.core, q, starts, check_seed(seed)))
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
-        """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).
+        """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., m + r).
 
         Uses the paper's closed form, θ from its sensor and the position from all n spheres, where
         θ's sensor alone is in use, or none on a robot that cannot rotate. Otherwise a least-squares
         fit weights the readings as the paper's TEJ: motors by 1, sensors by the file's ``weight``.
         """
-        rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
+        rows, lead = flattened(self, q_e, self.m + self.r, "q_e", errors)
         if not self.r and self.spec.mobility != "translation":
             raise no_sensor(self, "the redundant FKM")
         x, status, chain = _core.redundant_fkm(self.core, rows)
@@ -156,7 +156,7 @@ class Robot(Dynamics, Shown):
 
         Parameters
         ----------
-        q_e : array_like, shape (..., n + r)
+        q_e : array_like, shape (..., m + r)
             Extended positions: motors, then the sensors in use.
         guess, errors
             As for :meth:`fkm`.
@@ -171,7 +171,7 @@ class Robot(Dynamics, Shown):
         >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
         [ 0.05  0.01 -0.4   0.2 ] 0.000204 ok
         """
-        rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
+        rows, lead = flattened(self, q_e, self.m + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
         level = self.highest_level if level is None else level
         known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
@@ -241,9 +241,9 @@ class Robot(Dynamics, Shown):
 
         Returns
         -------
-        M : ndarray, shape (..., n + r, n)
+        M : ndarray, shape (..., m + r, m)
             dq_e = M dq, M = [I; J_r J].
-        M_plus : ndarray, shape (..., n, n + r)
+        M_plus : ndarray, shape (..., m, m + r)
             TEJ: the pseudo-inverse of M under the sensors' weights (1 in the paper).
 
         Examples
@@ -258,7 +258,7 @@ class Robot(Dynamics, Shown):
         return M, M_plus
 
     def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Compute the TEJ, (..., n, n + r), weighted by the readings' covariance, at x.
+        """Compute the TEJ, (..., m, m + r), weighted by the readings' covariance, at x.
 
         M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ with C as in :meth:`estimate`, at :attr:`Robot.highest_level`.
 
@@ -277,7 +277,7 @@ class Robot(Dynamics, Shown):
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
     ) -> Array:
-        """Compute the sensitivity, (..., n, n + r), of the steady-state pose to reading errors.
+        """Compute the sensitivity, (..., n, m + r), of the steady-state pose to reading errors.
 
         To first order, δx = result @ δq_e: -[J 0] under the joint law, -J M⁺ under a TEJ,
         -∂x̂/∂q_e under a law of the pose. δx is along the free twist (spatial: rotation vector in

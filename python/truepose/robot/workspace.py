@@ -10,6 +10,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
+from truepose.robot.batches import inverse
 from truepose.robot.description import Description
 from truepose.robot.robot import Robot
 from truepose.robot.units import angles
@@ -95,7 +96,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0) -> Figures:
         )
     x, J, q = x[regular], found.J[regular], found.q[found.reached]
     condition = condition_numbers(robot, J)
-    K = np.linalg.inv(J)  # q̇ = K ẋ
+    K = inverse(J)  # q̇ = K ẋ
     turns = angles(robot)
     return Figures(
         samples=samples,
@@ -153,7 +154,7 @@ def level_difference(robot: Robot, poses: Array) -> Array | None:
     turned = {name: sigma for name, sigma in errors if name.endswith((".yaw", ".tilt"))}
     if not turned:
         return None
-    motors = knowledge.full_less_ideal(robot, poses, turned)[:, : robot.n]
+    motors = knowledge.full_less_ideal(robot, poses, turned)[:, : robot.m]
     off = robot.jacobian(poses, errors="nan") @ motors
     return np.sqrt(np.nanmean((off**2).sum(axis=2), axis=0))
 

@@ -51,11 +51,11 @@ def _sizes(spec: RobotFile) -> Iterator[Problem]:
     if spec.passive_axis and not rotational:
         text = f"passive_axis: needs mobility rotational, not {spec.mobility}"
         yield Problem(("passive_axis",), text)
-    if (count := len(spec.chain)) != n:
+    if not n <= (count := len(spec.chain)) <= _core.max_motors:
         more = (
             f"{n - count} of the platform's freedoms would be unconstrained"
             if count < n
-            else f"{count - n} too many: the platform would be overconstrained"
+            else f"a robot has at most {_core.max_motors}"
         )
         has = (
             f"a platform on {n} passive axes" if rotational else f"{spec.mobility} has {n} freedoms"

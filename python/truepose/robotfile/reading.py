@@ -274,10 +274,7 @@ def _describe(problem: dict) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):
-        message += (
-            "; no file can express a tilter with parasitic motion (3-PRS), a serial wrist, or more "
-            "motors than freedoms"
-        )
+        message += "; no file can express a tilter with parasitic motion (3-PRS) or a serial wrist"
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message
     return f"{key} = {shortened(repr(value))}: {message}"

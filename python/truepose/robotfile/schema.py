@@ -254,7 +254,7 @@ class Workspace(Section):
 class Pattern(Section):
     """Repetition of the file's chains, the motif, about an axis of the base frame."""
 
-    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key("copies of the motif in a turn")
+    repeat: Annotated[int, Field(strict=True, ge=2, le=8)] = key("copies of the motif in a turn")
     about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
@@ -325,7 +325,7 @@ class RobotFile(Section):
     source: str = key("where the numbers come from", "")
     mobility: Literal[
         "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
-    ] = key("which freedoms the platform has; as many chains")
+    ] = key("which freedoms the platform has; as many chains or more")
     home: Pose = key("a pose well inside the workspace, one value a freedom")
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
@@ -366,6 +366,11 @@ class RobotFile(Section):
     def n(self) -> int:
         """Degrees of freedom."""
         return len(self.coordinates)
+
+    @property
+    def m(self) -> int:
+        """Motors: one for each chain."""
+        return len(self.chain)
 
     @property
     def stretches(self) -> bool:

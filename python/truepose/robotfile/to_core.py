@@ -111,7 +111,7 @@ def drawn(spec: RobotFile) -> dict[str, float]:
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
     """Return the file's name of every parameter that the core has, and its column of H_ξ."""
-    names = [f"chain{i}.{key}" for i in range(1, spec.n + 1) for key, _ in _core.chain_parameters]
+    names = [f"chain{i}.{key}" for i in range(1, spec.m + 1) for key, _ in _core.chain_parameters]
     bars = [f"bar{k}.pivot" for k in range(1, len(spec.bar) + 1)]
     names += bars + [""] * (_core.max_bars - len(bars))
     for sensor in spec.used:
@@ -167,7 +167,7 @@ def build(spec: RobotFile) -> _core.Robot:
     robot = _core.Robot()
     mobility = f"rotational_{spec.n}" if spec.mobility == "rotational" else spec.mobility
     robot.mobility = getattr(_core.Mobility, mobility)
-    robot.chains = robot.motors = spec.n
+    robot.chains = robot.motors = spec.m
     robot.gravity = np.array(spec.gravity)
     robot.home = spec.home
     robot.bar_joint = getattr(_core.BarJoint, spec.platform.bars)

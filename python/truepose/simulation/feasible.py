@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import positive
 from truepose.exceptions import InputError, PoseError
+from truepose.robot.batches import inverse
 from truepose.robot.robot import Robot
 from truepose.robot.units import rounded
 from truepose.simulation.chart import Setpoints
@@ -50,7 +51,7 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: st
     J = robot.jacobian(x, errors="nan")
     lost = ~(np.isfinite(q).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
     first = int(lost.argmax()) if lost.any() else len(x)
-    motors = np.linalg.solve(J[:first], rate[:first, :, None])[..., 0]
+    motors = (inverse(J[:first]) @ rate[:first, :, None])[..., 0]
     torque = robot.inverse_dynamics(x[:first], rate[:first], acceleration[:first])
     for limit, values, units in (
         ("speed_limit", motors, ("rad/s", "m/s")),

@@ -250,7 +250,7 @@ def path_accuracy(
         truth = effects.geometry(truth, time, seed)
         effects = effects.without("thermal", "eccentricity")
     rng = np.random.default_rng([check_seed(seed), 2])
-    shifts = rng.uniform(-0.5, 0.5, (runs, robot.n + robot.r)) * truth.resolution
+    shifts = rng.uniform(-0.5, 0.5, (runs, robot.m + robot.r)) * truth.resolution
     found = [
         simulate(
             _shifted(robot, shift),
@@ -268,7 +268,7 @@ def path_accuracy(
 
 def _shifted(robot: Robot, shift: Array) -> Robot:
     """Return the robot with shifted reading offsets, so that counts shift in both robots."""
-    names = [f"chain{k + 1}.encoder_offset" for k in range(robot.n)]
+    names = [f"chain{k + 1}.encoder_offset" for k in range(robot.m)]
     names += [f"{sensor}.offset" for sensor in robot.sensors]
     offsets = [robot.parameters[name].value for name in names] + shift
     return robot.replace(dict(zip(names, offsets.tolist(), strict=True)))

@@ -183,7 +183,7 @@ class Simulation(Shown):
         result += readings(robot, self.q_e)
         result += pose(robot, "desired", "asked of the controller", self.x_d)
         result += pose(robot, "true", "of the simulated robot", self.x)
-        units = reading_units(robot)[: robot.n]
+        units = reading_units(robot)[: robot.m]
         forces = ["N·m" if unit == "rad" else "N" for unit in units]
         for topic, values, what, of in (
             ("motor_error", self.motor_error, "motor error ê_q of the law,", units),

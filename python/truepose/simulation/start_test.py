@@ -104,7 +104,7 @@ class StartTest(Shown):
         """Return one row per reading: its scale, and σ, and its motor's largest torque."""
         rows = []
         for k, name in enumerate(self.robot.readings):
-            most = number(self.torque[k]) if k < self.robot.n else Cell("", None)
+            most = number(self.torque[k]) if k < self.robot.m else Cell("", None)
             known = self.sigma[k] < _KNOWN
             values = (self.scale[k], self.sigma[k])
             shown = [f"{value:.2f}" if known else Cell("?", None) for value in values]

@@ -31,7 +31,7 @@ def bound(known: Robot, event: Event, visited: Array, judged: Array) -> Bound:
     sigma = knowledge.stated_sigma(known, None)
     own = knowledge.root(known, names)
     p = len(own)
-    noise = np.diag([1.0] * known.n + [event.factor**2] * known.r)
+    noise = np.diag([1.0] * known.m + [event.factor**2] * known.r)
     sides = np.diag([event.sides.get(name, 0.0) for name in names])
 
     def at(x: Array) -> tuple[Array, Array, Array]:
@@ -57,7 +57,7 @@ def bound(known: Robot, event: Event, visited: Array, judged: Array) -> Bound:
     weighted = np.linalg.solve(Q + scatter + noise, H_x).swapaxes(1, 2)
     K = np.linalg.solve(weighted @ H_x, weighted)
     joint = np.zeros_like(K)
-    joint[..., : known.n] = np.linalg.inv(H_x[:, : known.n])
+    joint[..., : known.m] = np.linalg.pinv(H_x[:, : known.m])
     lengths = ~angles(known)
 
     def mean_square(K: Array, covariance: Array) -> float:

@@ -49,7 +49,7 @@ class Event:
         if self.load is not None:
             added += self.load.roots(offsets, x)[..., 0]
         if self.factor != 1:  # counts are added by reading
-            factors = np.array([1.0] * true.n + [self.factor] * true.r)
+            factors = np.array([1.0] * true.m + [self.factor] * true.r)
             factors = factors if rest else np.sqrt(np.maximum(factors**2 - 1, 0))
             added += factors * knowledge.reading_sigma(true) * rng.standard_normal(added.shape)
         found = []

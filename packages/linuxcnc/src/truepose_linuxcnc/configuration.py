@@ -118,7 +118,7 @@ def to_configuration(
     tej = np.abs(robot.tej(x, errors="nan")[1])
     noise = np.nanmax(tej @ robot.resolution, axis=0)  # of each error by one count of each reading
     moved = np.column_stack([np.maximum(exported, learnt), rates(robot, controller), noise])
-    shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
+    shown = np.array([_SHOWN[unit] for unit in units[: robot.m]])
     values: dict[str, Any] = {
         "mark": files.mark("LinuxCNC configuration"),
         "robot": robot,
@@ -136,7 +136,7 @@ def to_configuration(
         "largest_learnt": np.max((learnt + noise) * shown),
         "homed": 100 * _HOMED,
         "chi2": chi2_quantile(_HOMED, robot.r) if robot.r else 0.0,
-        "joints": [_joint(robot, i, units[i], moved[i], controller) for i in range(robot.n)],
+        "joints": [_joint(robot, i, units[i], moved[i], controller) for i in range(robot.m)],
         "axes": axes,
         "sensors": _sensors(robot),
     }
@@ -288,7 +288,7 @@ def _joint(
 
 def _sensors(robot: Robot) -> list[dict[str, str | float]]:
     """Return the index positions of the encoders, read at the file's home; others are absolute."""
-    units = reading_units(robot)[robot.n :]
+    units = reading_units(robot)[robot.m :]
     index = robot.rkm(robot.home)
     return [
         {

@@ -42,13 +42,13 @@ class Body:
         except ValueError as error:
             raise InputError(f"{robot.name}: MuJoCo: {' '.join(str(error).split())}") from None
         self.data = mujoco.MjData(self.model)
-        self.motors, self._dofs = self._at(f"motor{i + 1}" for i in range(robot.n))
+        self.motors, self._dofs = self._at(f"motor{i + 1}" for i in range(robot.m))
         roots = (self.model.joint(j).name for j in range(self.model.njnt))
         self.roots, _ = self._at(name for name in roots if name.startswith("root"))
         self.bars, _ = self._at(f"bar{k + 1}" for k in range(self.mechanism.bars))
         self._own, _ = self._at(self.mechanism.own_joints)
         self._rubs = self.model.dof_frictionloss[self._dofs].copy()
-        self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
+        self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.m)]
 
     def _at(self, names: Iterable[str]) -> tuple[list[int], list[int]]:
         """Return the addresses of joints' positions and velocities."""
@@ -90,7 +90,7 @@ class Body:
         frame = self.frame()
         bodies = self.robot.core, frame[:3, 3], frame[:3, :3]
         q_e, _ = _core.readings(*bodies, psi, theta, motor, arm)
-        return np.array(q_e)[: self.robot.n + self.robot.r]
+        return np.array(q_e)[: self.robot.m + self.robot.r]
 
     def hold(self) -> None:
         """Hold the motors at their positions, or where `settle_at` moves them."""
@@ -106,7 +106,7 @@ class Body:
     def gap(self) -> float:
         """Return the largest gap of a loop, m."""
         mujoco.mj_kinematics(self.model, self.data)
-        rods = [rod for i in range(self.robot.n) for rod, _ in self.mechanism.rods(i)]
+        rods = [rod for i in range(self.robot.m) for rod, _ in self.mechanism.rods(i)]
         gaps = [self.data.site(f"{k}.end").xpos - self.data.site(f"{k}.anchor").xpos for k in rods]
         return float(np.linalg.norm(gaps, axis=1).max())
 

@@ -32,15 +32,15 @@ class Mechanism:
             raise InputError(f"{robot.name}: {robot.full.reason}")
         self.robot = robot
         self.planar = robot.spec.mobility.startswith("planar")
-        self.chains = [robot.core.chain(i) for i in range(robot.n)]
+        self.chains = [robot.core.chain(i) for i in range(robot.m)]
         self.bars = 1 + max(chain.bar for chain in self.chains)
         #: The nacelle's joints at the coordinates x, unless it is a free body.
         self.own_joints = [f"axis{j + 1}" for j in range(robot.core.axes)]
         if self.planar:
             self.own_joints = ["nacelle.x", "nacelle.y", "nacelle.theta"][: robot.n]
         self.home = self.posture(robot.home)
-        self._frames = [np.eye(3)] * robot.n
-        self._frames = [self._frame(i) for i in range(robot.n)]
+        self._frames = [np.eye(3)] * robot.m
+        self._frames = [self._frame(i) for i in range(robot.m)]
         points = [self.home.D]
         for i, chain in enumerate(self.chains):
             points += [chain.base, self.elbow(i, 0, self.home), self.anchor(i, 0, self.home)]
@@ -74,7 +74,7 @@ class Mechanism:
         """Return the positions of MuJoCo's joints by name, except the free nacelle's."""
         joints = dict(zip(self.own_joints, map(float, at.x), strict=False))
         joints |= {f"bar{k + 1}": float(angle) for k, angle in enumerate(at.psi)}
-        for i in range(self.robot.n):
+        for i in range(self.robot.m):
             joints[f"motor{i + 1}"] = at.position[i]
             for rod, side in self.rods(i):
                 along = self.anchor(i, side, at) - self.elbow(i, side, at)

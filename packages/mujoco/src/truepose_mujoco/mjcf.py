@@ -87,7 +87,7 @@ class Model(Mechanism):
         root.insert(0, ET.Comment(mark("model")))
         *_, world, equality, actuator = root
         self._base(world)
-        for i in range(self.robot.n):
+        for i in range(self.robot.m):
             self._chain(i, world)
             for rod, _ in self.rods(i):
                 add(equality, "connect", name=rod, site1=f"{rod}.end", site2=f"{rod}.anchor")

@@ -64,7 +64,7 @@ class MujocoPlant:
             raise InputError("monitor: needs a safety shell here: safety=control.SafetyShell()")
         self.longest = max(self.hold, self.longest)
         phases = self.effects.plant(self.truth, check_seed(self.seed)).phase
-        self.ripple_phase = np.array(phases)[: self.truth.n]
+        self.ripple_phase = np.array(phases)[: self.truth.m]
 
     def body(self, time: float = 0.0) -> Body:
         """Return the robot in MuJoCo at home and at rest, `time` after a cold start."""
@@ -76,7 +76,7 @@ class MujocoPlant:
         The motors move there from home on a straight line, which keeps the working mode. PoseError:
         the loops do not close there, or the robot does not come to rest.
         """
-        rows, lead = flattened(self.truth, q, self.truth.n, "q", "raise")
+        rows, lead = flattened(self.truth, q, self.truth.m, "q", "raise")
         found = map(np.array, zip(*(self.body().settle_at(row) for row in rows), strict=True))
         return Settled(*(values.reshape((*lead, *values.shape[1:])) for values in found))
 
@@ -97,7 +97,7 @@ class MujocoPlant:
         require_same_readings(robot, self.truth)
         warn_if_for_rigid(robot, controller, self.effects)
         count = len(x_d)
-        shapes = (robot.n + robot.r,), (4, 4), (robot.n,)
+        shapes = (robot.m + robot.r,), (4, 4), (robot.m,)
         q_e, frame, x = (np.full((count, *shape), np.nan) for shape in shapes)
         result = Visit(q_e, frame, x, np.full(count, "", dtype=object))
         length = count if self.faults else _RANGE  # a stuck reading persists from pose to pose
@@ -136,7 +136,7 @@ class _Drive:
         # A geared encoder is on the tool's axis, so backlash is between it and the nacelle.
         gains = plant.truth.parameters
         geared = [gains[f"{s.name}.gain"].value if s.geared else 0.0 for s in robot.spec.used]
-        self.geared = np.array([0.0] * robot.n + geared)
+        self.geared = np.array([0.0] * robot.m + geared)
         self.time, self.body = time, plant.body(time)
         self.limits = plant.safety and plant.safety.limits(robot, controller)
         setup = plant.monitor and plant.monitor.setup(robot, controller)
@@ -147,7 +147,7 @@ class _Drive:
         """Restart at home."""
         self.body.stand(self.body.mechanism.home)
         self.bus = _core.Slow(self.slow) if any(self.slow) else None
-        self.pending = self.closing = np.zeros(self.robot.n)
+        self.pending = self.closing = np.zeros(self.robot.m)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
         self.stopped = ""
@@ -167,7 +167,7 @@ class _Drive:
         core, q_e = self.believed.core, sensed
         setpoint = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
         if self.bus is not None:
-            q_e = self.bus.deliver(self.robot.n, q_e)
+            q_e = self.bus.deliver(self.robot.m, q_e)
         cycle = core, self.settings, *setpoint, q_e, self.known, self.bus
         status, _ = self.state.step(*cycle, **more, **self.monitored)
         return int(status)
@@ -238,7 +238,7 @@ class _Drive:
         if self.limits:
             self._brake(time)
         given = self.state.report if self.limits else self.state
-        torque = given.torque[: self.robot.n]
+        torque = given.torque[: self.robot.m]
         applied, self.pending = (self.pending if effects.delay else torque), torque
         ripple = np.sin(_RIPPLES * body.positions()[0] + self.plant.ripple_phase)
         body.data.ctrl[:] = applied * (1 + effects.torque_ripple * ripple)
@@ -248,7 +248,7 @@ class _Drive:
     def _brake(self, time: float) -> None:
         """Close the brakes that the safety shell requests, and note why it has stopped."""
         shell = self.state.report
-        closing = (shell.brakes >> np.arange(self.robot.n) & 1) > 0
+        closing = (shell.brakes >> np.arange(self.robot.m) & 1) > 0
         self.closing = self.closing + self.period * closing
         self.body.brake(self.closing > _CLOSES)
         if not self.stopped:

@@ -113,7 +113,7 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
     generator = np.random.default_rng(seed)
     draw = {name: generator.uniform(*ends, robot.n) for name, ends in simulation_errors().items()}
     changed = {name: parameter.value for name, parameter in robot.parameters.items()}
-    for i in range(robot.n):
+    for i in range(robot.m):
         for name, moves in paper_directions(robot, i).items():
             for parameter, share in moves.items():
                 changed[parameter] += float(draw[name][i] * share)

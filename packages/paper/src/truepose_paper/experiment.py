@@ -141,7 +141,7 @@ def run(
 def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Array:
     """Return the pose estimated from readings by each control's own model; NaN if none fits."""
     if control == "joint":
-        return believed.fkm(q_e[:, : believed.n], guess=poses, errors="nan")
+        return believed.fkm(q_e[:, : believed.m], guess=poses, errors="nan")
     if control in ("tej", "cartesian"):
         return believed.redundant_fkm(q_e, errors="nan")
     return believed.estimate(q_e, guess=poses, errors="nan").x

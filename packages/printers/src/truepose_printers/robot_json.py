@@ -56,7 +56,7 @@ def to_json(robot: Robot) -> str:
             for name, column, expected in zip(names, known.column, mean.tolist(), strict=True)
         ],
         "root": [row[: k + 1] for k, row in enumerate(known.root.tolist())],
-        "sigma": known.sigma[: robot.n + robot.r].tolist(),
+        "sigma": known.sigma[: robot.m + robot.r].tolist(),
         "description": base64.b64encode(bytes(drawn)).decode(),
     }
     return json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n"

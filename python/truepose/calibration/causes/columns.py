@@ -52,7 +52,7 @@ def _scaled(
 
 def alone_and_alike(robot: Robot) -> list[tuple[int, ...]]:
     """Return every column by itself, the motors, the sensors of a kind, and all of one unit."""
-    kinds = ["motor"] * robot.n + [sensor.kind for sensor in robot.spec.used]
+    kinds = ["motor"] * robot.m + [sensor.kind for sensor in robot.spec.used]
     units = reading_units(robot)
     groups = [tuple(k for k, of in enumerate(kinds) if of == kind) for kind in kinds]
     groups += [tuple(range(len(kinds)))] if len(set(units)) == 1 else []
@@ -62,7 +62,7 @@ def alone_and_alike(robot: Robot) -> list[tuple[int, ...]]:
 
 def unit(case: Case) -> Iterator[Hypothesis]:
     """A column, or several, in another unit."""
-    n, angle = case.robot.n, _factors(case)
+    n, angle = case.robot.m, _factors(case)
     groups = [some for size in range(n, 1, -1) for some in itertools.combinations(range(n), size)]
     groups += [tuple(np.flatnonzero(angle == kind).tolist()) for kind in (True, False)]
     groups += [(k,) for k in range(len(angle))]
@@ -79,7 +79,7 @@ def sign(case: Case) -> Iterator[Hypothesis]:
     """A column, or all motors, with the other sign."""
     for k in range(len(case.log.names)):
         yield _scaled(case, (k,), -1.0, "its sign is flipped", 1)
-    yield _scaled(case, range(case.robot.n), -1.0, "their signs are flipped", 1)
+    yield _scaled(case, range(case.robot.m), -1.0, "their signs are flipped", 1)
 
 
 def gain(case: Case) -> Iterator[Hypothesis]:
@@ -102,7 +102,7 @@ def gain(case: Case) -> Iterator[Hypothesis]:
 
 def order(case: Case) -> Iterator[Hypothesis]:
     """Columns of one kind in another order."""
-    n, names, angle = case.robot.n, case.log.names, _factors(case)
+    n, names, angle = case.robot.m, case.log.names, _factors(case)
     sensors = [n + np.flatnonzero(angle[n:] == kind) for kind in (True, False)]
     for columns in (np.arange(n), *sensors):
         for whole, text, odds in _exchanged(columns, names):
@@ -169,7 +169,7 @@ def body(case: Case) -> Iterator[Hypothesis]:
 def common(case: Case) -> Iterator[Hypothesis]:
     """One constant common to all sensors of a kind, or to all motors."""
     units = reading_units(case.robot)
-    kinds = ["motors"] * case.robot.n + [sensor.kind for sensor in case.robot.spec.used]
+    kinds = ["motors"] * case.robot.m + [sensor.kind for sensor in case.robot.spec.used]
     for kind in dict.fromkeys(kinds):
         which = np.array([other == kind for other in kinds])
         if which.sum() < 2:

@@ -151,7 +151,7 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     motor of a row that the geometry cannot reach as a gross error.
     """
     after, prior = (np.linalg.slogdet(of)[1] for of in (fit.joint_covariance, joint_prior(fit)))
-    cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.n * lost(fit)
+    cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.m * lost(fit)
     density = 0.0  # of readings, over that of the scaled ones
     for mistake in of.each:
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):

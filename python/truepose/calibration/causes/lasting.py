@@ -26,7 +26,7 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
     factor · (gain · value - offset) + shift.
     """
     names, others = list(fit.names), list(fit.others)
-    p, width = len(names), fit.robot.n + fit.robot.r
+    p, width = len(names), fit.robot.m + fit.robot.r
     acting = [
         (each, others.index(each.influences[-1].name) if each.influences else -1)
         for each in of.each
@@ -45,7 +45,7 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
 
     amounts = np.array([known.value for known in fit.others.values()])
     factor, shift = change(amounts)
-    chains = [(f"chain{k + 1}.gain", f"chain{k + 1}.encoder_offset") for k in range(fit.robot.n)]
+    chains = [(f"chain{k + 1}.gain", f"chain{k + 1}.encoder_offset") for k in range(fit.robot.m)]
     keys = [*chains, *((f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors)]
     scaled = [name for k in np.flatnonzero(factor != 1) for name in keys[k]]
     moved = [keys[k][1] for k in np.flatnonzero(shift)]

@@ -46,7 +46,7 @@ class View:
         robot = case.robot.expected()
         self.names, self.angle = case.log.outside_names(robot), angles(robot)
         self.by = registration_of(case.options.registration)
-        self.x = poses_of(robot, case.log.readings[:, : robot.n])
+        self.x = poses_of(robot, case.log.readings[:, : robot.m])
         self.spatial = robot.spec.mobility == "spatial"
         self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
         self.unknown = self.moving and any(self.by.base_sigma)

@@ -20,7 +20,7 @@ FACTORS = (2.0, 4.0, 8.0, 30.0)
 
 def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:
     units = reading_units(case.robot)
-    for k in range(case.robot.n):
+    for k in range(case.robot.m):
         name = f"chain{k + 1}.{ending}"
         if name in case.robot.parameters:
             yield _wide(case, [name], text.format(chain=k + 1, motor=f"q{k + 1}"), unit or units[k])
@@ -51,7 +51,7 @@ def arm(case: Case) -> Iterator[Hypothesis]:
 def joint(case: Case) -> Iterator[Hypothesis]:
     """A joint of base or platform that is mounted elsewhere."""
     known = case.robot.parameters
-    for k in range(1, case.robot.n + 1):
+    for k in range(1, case.robot.m + 1):
         for point, body in (("base", "base"), ("anchor", "platform")):
             names = [name for name in known if name.startswith(f"chain{k}.{point}.")]
             names = [name for name in names if known[name].sigma > 0]
@@ -76,7 +76,7 @@ def tolerances(case: Case) -> Iterator[Hypothesis]:
 
 def noise(case: Case) -> Iterator[Hypothesis]:
     """All sensors noisier than stated, by one factor; so that no other cause has to explain it."""
-    spec, n = case.robot.spec, case.robot.n
+    spec, n = case.robot.spec, case.robot.m
     stated = dict(zip(case.robot.sensors, knowledge.reading_sigma(case.robot)[n:], strict=True))
     read = float(np.isfinite(case.log.readings[:, n:]).sum())
     for factor in FACTORS if stated else ():
@@ -96,7 +96,7 @@ def noise(case: Case) -> Iterator[Hypothesis]:
 
 def sensor_offset(case: Case) -> Iterator[Hypothesis]:
     """A sensor's zero far beyond its tolerance."""
-    units = reading_units(case.robot)[case.robot.n :]
+    units = reading_units(case.robot)[case.robot.m :]
     for name, unit in zip(case.robot.sensors, units, strict=True):
         if f"{name}.offset" in case.robot.parameters:
             yield _wide(case, [f"{name}.offset"], f"{name}: zero off by", unit)

@@ -34,7 +34,7 @@ def sided(case: Case) -> Iterator[Hypothesis]:
     A side is that of a coordinate's middle or zero, or where one reading exceeds another.
     """
     robot, read = case.robot.expected(), case.log.readings
-    x, box = poses_of(robot, read[:, : robot.n]), robot.spec.workspace
+    x, box = poses_of(robot, read[:, : robot.m]), robot.spec.workspace
     if box is None or not len(x):
         return
     names, units = case.log.names, reading_units(robot)
@@ -56,7 +56,7 @@ def sided(case: Case) -> Iterator[Hypothesis]:
         for middle in middles:
             factor, said = PRINT[unit]
             text = f"where {name} is above about {factor * middle:.4g} {said}"
-            near = value[np.abs(value - middle) < span * BANDS[-1]] if k < robot.n else []
+            near = value[np.abs(value - middle) < span * BANDS[-1]] if k < robot.m else []
             for at in (*(middle + span * BANDS), *near):
                 mask = np.asarray(value > at)
                 if 1 < mask.sum() < len(mask) - 1:

@@ -33,7 +33,7 @@ HALVES, TRIMS = 3, 10
 
 def shifted(case: Case) -> Iterator[Hypothesis]:
     """The rows of one column, or of all sensors, shifted against the others."""
-    width, n = len(case.log.names), case.robot.n
+    width, n = len(case.log.names), case.robot.m
     for which in dict.fromkeys([*((k,) for k in range(width)), tuple(range(n, width))]):
         k, name = list(which), ", ".join(case.log.names[k] for k in which)
         its = "its" if len(which) == 1 else "their"
@@ -112,7 +112,7 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     by, amounts = patterns(case.robot, acting, count), np.array([of.amount for of in acting])
     usual, sigma = amounts.reshape(-1, 2).T
     model, readings = case.robot.expected(), case.log.readings - by @ usual
-    x = poses_of(model, readings[:, : model.n])
+    x = poses_of(model, readings[:, : model.m])
     rows = np.flatnonzero(np.isfinite(np.hstack([x, readings])).all(axis=1))
     if count < 4 or len(rows) == 0 or len(masks) == 0 or model.r == 0:
         return
@@ -141,7 +141,7 @@ def gross(case: Case) -> Iterator[Hypothesis]:
     Concentration steps: fit to the rows that are not excluded, predict sensors and outside
     coordinates of the excluded ones, exclude by χ² again, until nothing changes.
     """
-    n, log = case.robot.n, case.log
+    n, log = case.robot.m, case.log
     count = np.isfinite(log.readings[:, n:]).sum(axis=1)
     if log.measured is not None:
         count = count + np.isfinite(log.measured).sum(axis=1)
@@ -186,7 +186,7 @@ def _begun(case: Case) -> Array | None:
 
 def _without(case: Case, bad: Array) -> Hypothesis:
     """Return the hypothesis that the sensors and outside coordinates of some rows say nothing."""
-    sensors = np.arange(case.log.readings.shape[1]) >= case.robot.n
+    sensors = np.arange(case.log.readings.shape[1]) >= case.robot.m
     kept = np.where(bad[:, None] & sensors, np.nan, case.log.readings)
     of = case.with_readings(kept, text="")
     if case.log.measured is None:

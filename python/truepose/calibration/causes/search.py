@@ -110,7 +110,7 @@ def search(
     most = _equations(case, some)
     begun = base if some is None else case.fit(none, some)
     rows = len(case.log.readings if some is None else some)
-    own = -hypothesis.GROSS * (most + case.robot.n * rows)
+    own = -hypothesis.GROSS * (most + case.robot.m * rows)
     own = own if begun is None else evidence(begun, none, most)
 
     def explained(tried: list[Hypothesis], steps: int) -> list[Explained]:
@@ -218,9 +218,9 @@ def _some(case: Case) -> Array | None:
 
 def _equations(case: Case, rows: Array | None) -> int:
     """Return the number of equations of a log beyond those that its poses take."""
-    n, log = case.robot.n, case.log if rows is None else case.log.only(rows)
+    n, log = case.robot.m, case.log if rows is None else case.log.only(rows)
     read = np.isfinite(log.readings[:, :n]).all(axis=1)
-    count = int(np.isfinite(log.readings[read, n:]).sum())
+    count = int(np.isfinite(log.readings[read, n:]).sum() + (n - case.robot.n) * read.sum())
     if log.measured is not None:
         count += int(np.isfinite(log.measured[read]).sum())
     return count
@@ -271,7 +271,7 @@ def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
 def _contradiction(case: Case, of: Hypothesis) -> float:
     """Return how far readings are from the motors' prediction; a row without one counts most."""
     seen, log = expect(of.robot, of.log.readings), of.log
-    read = np.isfinite(log.readings[:, of.robot.n :])
+    read = np.isfinite(log.readings[:, of.robot.m :])
     each = np.log1p((seen.residual / seen.sigma) ** 2)
     off = np.where(np.isfinite(each), each, 30.0)[read]
     far = float(off.mean()) if off.size else 30 * float(np.isnan(seen.x).any(axis=1).mean())

@@ -22,7 +22,7 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
     robot = case.robot.expected()
     if not lean.gravity_referred(robot).any():
         return
-    x = poses_of(robot, case.log.readings[:, : robot.n])
+    x = poses_of(robot, case.log.readings[:, : robot.m])
     leans, implied = np.zeros((len(x), 2)), np.zeros(x.shape, dtype=bool)
     by = lean.effect(robot, x, leans, implied).inclination
     for k, axis in enumerate(lean.axes(robot)):
@@ -47,7 +47,7 @@ def _leant(robot: Robot, by: Array) -> Robot:
 def load(case: Case) -> Iterator[Hypothesis]:
     """A weight on the platform that stretches the rods."""
     robot = case.robot.expected()
-    x = poses_of(robot, case.log.readings[:, : robot.n])
+    x = poses_of(robot, case.log.readings[:, : robot.m])
     good = np.isfinite(x).all(axis=1)
     if (
         not good.any()
@@ -57,7 +57,7 @@ def load(case: Case) -> Iterator[Hypothesis]:
         return
     pattern = np.zeros_like(case.log.readings)
     pull = np.zeros_like(case.log.readings)[good]
-    pull[:, : robot.n] = tension(robot, x[good], (0.0, 0.0, -1.0))
+    pull[:, : robot.m] = tension(robot, x[good], (0.0, 0.0, -1.0))
     pattern[good] = stretch(robot, x[good], pull)
     text = "a load on compliant rods, compliance times load"
     yield case.with_pattern(pattern, LOAD, text=text, size=Size(""))

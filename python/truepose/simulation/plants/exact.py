@@ -79,8 +79,8 @@ class ExactPlant:
         self.robot = effects.geometry(truth, time, seed)  #: at that time
         self._exact = self.robot.with_level(self.level).without_quantization()
         #: Gain of each reading on the tool gear's backlash.
-        self._geared = np.zeros(truth.n + truth.r)
-        for k, sensor in enumerate(truth.spec.used, truth.n):
+        self._geared = np.zeros(truth.m + truth.r)
+        for k, sensor in enumerate(truth.spec.used, truth.m):
             if sensor.geared:
                 self._geared[k] = truth.parameters[f"{sensor.name}.gain"].value
 
@@ -110,7 +110,7 @@ class ExactPlant:
             x, status = rest(slice(None), ahead)
         rests = status == "ok"
         x[~rests] = np.nan
-        q_e = np.full((len(x), robot.n + robot.r), np.nan)
+        q_e = np.full((len(x), robot.m + robot.r), np.nan)
         exact = self._exact.extended_positions(x[rests], errors="nan", level=self.level)
         exact += ahead[rests, None] * self._geared
         q_e[rests] = _core.spoil(self.robot.core, exact, self.seed)
