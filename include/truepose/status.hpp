@@ -19,6 +19,7 @@ enum class [[nodiscard]] Status : int {
   no_such_part = 9,    ///< a count, index or enum of the robot's data is invalid
   not_square = 10,     ///< fewer motors than freedoms or chains, or more than a function takes
   unfinished = 11,     ///< the robot has not passed finish() (jacobian.hpp)
+  no_chains = 12,      ///< a mechanism of bodies and closures, where only chains are modelled
   other_version = 13,  ///< a table from another version of the library, or of another size
   too_small = 14,      ///< the given memory is too small or not aligned
   no_such_value = 15,  ///< a number outside its valid range, or a matrix that is no rotation
@@ -42,6 +43,7 @@ constexpr const char* describe(Status status) {
     case Status::no_such_part: return "no such part";
     case Status::not_square: return "fewer motors than freedoms, or more than a function takes";
     case Status::unfinished: return "not finished";
+    case Status::no_chains: return "not for a mechanism of bodies and closures";
     case Status::other_version: return "made for another version";
     case Status::too_small: return "too little memory, or not aligned";
     case Status::no_such_value: return "no such value";

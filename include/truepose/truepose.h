@@ -71,6 +71,7 @@ typedef enum truepose_status {
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum is out of range */
   TRUEPOSE_NOT_SQUARE = 10,    /**< fewer motors than freedoms or chains; a start-up test: more */
   TRUEPOSE_UNFINISHED = 11,    /**< model not loaded, controller or monitor not initialised */
+  TRUEPOSE_NO_CHAINS = 12,     /**< a mechanism of bodies and closures; C takes chains */
   TRUEPOSE_OTHER_VERSION = 13, /**< the table's TRUEPOSE_ABI or size is another */
   TRUEPOSE_TOO_SMALL = 14,     /**< the memory given, or it is not aligned */
   TRUEPOSE_NO_SUCH_VALUE = 15  /**< an impossible number, or a matrix that is no rotation */

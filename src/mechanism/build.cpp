@@ -63,6 +63,16 @@ void build(const Robot& robot, Layout layout, Built& built) {
   built.layout = layout;
   built.rods_per_chain = layout == Layout::ideal ? 1 : 2;
   engine::Mechanism& m = built.mechanism;
+  if (is_mechanism(robot.mobility)) {
+    m = robot.mechanism;
+    m.sign = robot.assembly_sign;
+    built.rods_per_chain = 1;
+    built.platform = m.platform;
+    built.yaw = -1;
+    built.turn = m.freedoms;
+    built.arm.fill(kDescribed);
+    return;
+  }
   Builder builder{m};
   m.bodies = m.closures = 0;
   m.motors = m.freedoms = motors;
@@ -104,6 +114,7 @@ void build(const Robot& robot, Layout layout, Built& built) {
 engine::Row stand(const Robot& robot, const Built& built, const Joint& q, const Pose& pose) {
   const engine::Mechanism& m = built.mechanism;
   engine::Row y{};
+  if (is_mechanism(robot.mobility)) y = m.home;
   for (int i = 0; i < m.motors; ++i) y[i] = motor_position(robot.chain[i], q[i]);
   Real* x = y.data() + m.motors;
   if (built.layout == Layout::free) {

@@ -6,8 +6,8 @@ namespace {
 bool below(int index, int count) { return index >= 0 && index < count; }
 /// Whether an index is below the count, or -1: none.
 bool none_or_below(int index, int count) { return below(index + 1, count + 1); }
+}  // namespace
 
-/// Counts, indices and the order of bodies.
 Check check_parts(const Mechanism& m) {
   const int unknowns = m.freedoms - std::min(m.motors, m.coordinates);
   if (!below(m.bodies, kBodies + 1)) return {Flaw::too_many_bodies, -1, Real(m.bodies)};
@@ -33,11 +33,13 @@ Check check_parts(const Mechanism& m) {
   }
   return {};
 }
-}  // namespace
 
-int rank(std::array<Row, kClosures> m, int rows, int columns, std::array<int, kClosures>* order) {
+int rank(std::array<Row, kClosures> m, int rows, int columns, std::array<int, kClosures>* order,
+         std::array<int, kFreedoms>* held) {
   std::array<int, kClosures> original;
+  std::array<int, kFreedoms> freedom;
   for (int i = 0; i < rows; ++i) original[i] = i;
+  for (int j = 0; j < columns; ++j) freedom[j] = j;
   for (int j = 0; j < columns; ++j) {
     Real size = 0;
     for (int i = 0; i < rows; ++i) size = std::max(size, std::fabs(m[i][j]));
@@ -52,6 +54,7 @@ int rank(std::array<Row, kClosures> m, int rows, int columns, std::array<int, kC
     if (!(std::fabs(m[row][column]) > 1e-6)) break;
     std::swap(m[k], m[row]);
     std::swap(original[k], original[row]);
+    std::swap(freedom[k], freedom[column]);
     for (int i = 0; i < rows; ++i) std::swap(m[i][k], m[i][column]);
     for (int i = k + 1; i < rows; ++i) {
       const Real factor = m[i][k] / m[k][k];
@@ -59,14 +62,13 @@ int rank(std::array<Row, kClosures> m, int rows, int columns, std::array<int, kC
     }
   }
   if (order) *order = original;
+  if (held) *held = freedom;
   return k;
 }
 
-Check check(const Mechanism& m, const Row& home) {
+Check check(const Mechanism& m, Position& at) {
   if (const Check parts = check_parts(m); !parts) return parts;
-  Position at;
-  at.y = home;
-  const FkmResult closed = close(m, at, forward(m));
+  const FkmResult closed = close(m, at, inverse(m));
   if (closed.status == Status::unreachable) return {Flaw::no_length, closed.chain};
   if (!(closed.residual < kClosed) || closed.status == Status::not_converged) {
     int widest = 0;
@@ -93,8 +95,9 @@ Check check(const Mechanism& m, const Row& home) {
   if (const int held = rank(all, m.closures, m.freedoms, &order); held < m.closures)
     return {Flaw::dependent, order[held], Real(m.closures - held)};
   const int unknowns = m.freedoms - m.motors;
-  if (const int held = rank(free, m.closures, unknowns); held < unknowns)
-    return {Flaw::loose, -1, Real(unknowns - held)};
+  std::array<int, kFreedoms> freedom;
+  if (const int held = rank(free, m.closures, unknowns, nullptr, &freedom); held < unknowns)
+    return {Flaw::loose, m.motors + freedom[held], Real(unknowns - held)};
   return {};
 }
 }  // namespace truepose::engine

@@ -114,9 +114,12 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
                 bool near) {
   place(mechanism, at);
   FkmResult result;
-  Real scale = 0;  // the longest rod
+  Real scale = 0;  // the longest rod; of planes how far out their points are
   for (int i = 0; i < mechanism.closures; ++i) {
-    if (mechanism.closure[i].plane) continue;
+    if (mechanism.closure[i].plane) {
+      scale = std::max({scale, at.A[i].norm(), at.B[i].norm()});
+      continue;
+    }
     const Real length = length_of(mechanism, at, i);
     if (!(length > 0)) return {{Status::unreachable, i}};
     scale = std::max(scale, length);

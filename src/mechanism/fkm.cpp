@@ -36,6 +36,7 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
 
 FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   if (!robot.finished) return {{Status::unfinished, -1}};
+  if (is_mechanism(robot.mobility)) return {{Status::no_chains, -1}};
   const int n = dof(robot.mobility), m = robot.motors;
   FkmResult result;
   std::array<Driven, kMaxMotors> driven;

@@ -5,19 +5,55 @@
 
 namespace truepose {
 namespace {
+/// The chain, or the motor, of a closure (-1: none).
+int chain_of(const Built& built, int closure) {
+  if (closure < 0 || built.arm[0] != kDescribed)
+    return closure < 0 ? -1 : closure / built.rods_per_chain;
+  const engine::Closure& of = built.mechanism.closure[closure];
+  return std::max(of.driven, of.motor);
+}
+
+/// Closes a described mechanism's loops from its home, the held freedoms moved in stages.
+FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& unknown,
+                          engine::Position& at) {
+  const engine::Row end = at.y;
+  at.y = m.home;
+  FkmResult result;
+  for (int stage = 1; stage <= kFkmStages && result; ++stage) {
+    engine::Row y = end;
+    for (int j = 0; j < m.freedoms; ++j)
+      y[j] -= (end[j] - m.home[j]) * (kFkmStages - stage) / kFkmStages;
+    for (int k = 0; k < unknown.count; ++k) y[unknown.index[k]] = at.y[unknown.index[k]];
+    at.y = y;
+    const FkmResult next = engine::close(m, at, unknown);
+    result = {next, result.iterations + next.iterations, next.residual};
+  }
+  return result;
+}
+
 /// Closes the rods for the unknown freedoms from the start in `closure`, and reads pose and motors
 /// off. @param near  θ nearby, and ψ where there are no bars
 FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Freedoms& unknown,
                      int most, bool start_closed, FullClosure& closure) {
   const Built& built = closure.built;
   engine::Position& at = closure.at;
+  const engine::Row start = at.y;
   FkmResult result = engine::close(built.mechanism, at, unknown, most, start_closed);
-  if (result.chain >= 0) result.chain /= 2;
+  if (is_mechanism(robot.mobility) && !result && result.status != Status::not_finite) {
+    engine::Position again = at;
+    again.y = start;
+    const FkmResult staged = close_from_home(built.mechanism, unknown, again);
+    if (staged) at = again;
+    result = {staged ? staged : result, result.iterations + staged.iterations, at.residual};
+  }
+  result.chain = chain_of(built, result.chain);
   const engine::Frame& platform = at.frame[built.platform];
   closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
+  if (is_mechanism(robot.mobility)) closure.pose = {{near.D, platform.R, 0}, near.psi};
+  for (int j = 0; j < dof(robot.mobility) && is_mechanism(robot.mobility); ++j)
+    closure.pose.D[j] = at.y[built.mechanism.motors + j];
   for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
-  for (int i = 0; i < robot.motors; ++i)
-    closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
+  for (int i = 0; i < robot.motors; ++i) closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
   return result;
 }
 
@@ -58,8 +94,23 @@ Outcome full_rows(const Robot& robot, std::array<engine::Row, engine::kClosures>
   return outcome;
 }
 
+Outcome note_home(Robot& robot) {
+  FullClosure home;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), home);
+  JointMatrix J;
+  const Outcome regular = outcome ? jacobian(robot, home, J) : outcome;
+  if (!regular) return regular;
+  robot.mechanism.home = home.at.y;
+  robot.assembly_sign = engine::mode_of(home.built.mechanism, home.at);
+  return within_limits(robot, home.pose, home.q());
+}
+
 Outcome finish_full(Robot& robot) {
   if (!robot.finished) return {Status::unfinished, -1};
+  if (is_mechanism(robot.mobility)) {
+    robot.full = {FullKind::same, robot.mechanism.closures, 0, dof(robot.mobility)};
+    return {};
+  }
   const int n = dof(robot.mobility), motors = robot.motors;
   FullLevel& level = robot.full = {};
   bool described = true;
@@ -117,13 +168,27 @@ FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& c
   return result;
 }
 
-FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasitic* rest) {
+namespace {
+/// Where the search for the motors at a pose starts: at the ideal level's, or at home's.
+Outcome start_at(const Robot& robot, const Pose& pose, Built& built, engine::Row& start) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  build(robot, Layout::full, built);
+  Joint q{};
   Closure ideal;
-  const Outcome outcome = ikm(robot, pose, ideal);
+  const bool described = is_mechanism(robot.mobility);
+  const Outcome outcome = described ? Outcome{} : ikm(robot, pose, ideal);
+  for (int i = 0; i < robot.motors; ++i)
+    q[i] = described ? motor_reading(robot.chain[i], robot.mechanism.home[i]) : ideal.chain[i].q;
+  if (outcome) start = stand(robot, built, q, pose);
+  return outcome;
+}
+}  // namespace
+
+FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasitic* rest) {
+  engine::Row start;
+  const Outcome outcome = start_at(robot, pose, closure.built, start);
   if (!outcome) return {outcome};
-  build(robot, Layout::full, closure.built);
   const engine::Freedoms unknown = engine::inverse(closure.built.mechanism);
-  const engine::Row start = stand(robot, closure.built, ideal.q(), pose);
   FkmResult result;
   for (bool near = rest && rest->known;; near = false) {
     closure.at.y = start;
@@ -140,7 +205,7 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
   const engine::Mechanism& m = closure.built.mechanism;
   Matrix<kMaxUnknowns, kMaxUnknowns> rates;
   Outcome outcome = engine::follow(m, closure.at, engine::forward(m), engine::motors(m), rates);
-  if (outcome.chain >= 0) outcome.chain /= 2;
+  outcome.chain = chain_of(closure.built, outcome.chain);
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
     if (slope == 0) return {Status::singular, j};  // its encoder does not see the motor

@@ -48,6 +48,10 @@ constexpr bool paired(Mobility mobility) {
   return mobility == Mobility::translation || mobility == Mobility::schoenflies;
 }
 
+/// Closes a described mechanism at home; notes the freedoms there, and its assembly mode.
+/// @return the outcome at home, as of note_assembly
+Outcome note_home(Robot& robot);
+
 /// Fills robot.full: whether the robot has a full level of its own, by the number of rods and
 /// freedoms and the rods' rank at home. Call after finish(); costs the ideal level nothing.
 /// @return the outcome of the inverse model at home

@@ -34,10 +34,27 @@ Outcome drawn_parameters(const Robot& drawn, Real* xi) {
     enter(at(SensorParameter::normal_x), sensor.normal);
     std::copy_n(sensor.eccentricity.amplitude.data(), 4, at(SensorParameter::eccentricity_c1));
   }
-  for (int j = 0; j < passive_axes(drawn.mobility); ++j) {
+  const bool described = is_mechanism(drawn.mobility);
+  for (int j = 0; j < joints_of(drawn); ++j) {
     Real* of = xi + axis_column(drawn, j);
-    enter(of + static_cast<int>(AxisParameter::origin_x), drawn.axis[j].origin);
-    enter(of + static_cast<int>(AxisParameter::direction_x), drawn.axis[j].direction);
+    const engine::Body& body = drawn.mechanism.body[j];
+    const PassiveAxis& axis = drawn.axis[described ? 0 : j];
+    enter(of + static_cast<int>(AxisParameter::origin_x), described ? body.origin : axis.origin);
+    enter(of + static_cast<int>(AxisParameter::direction_x),
+          described ? body.axis : axis.direction);
+    of[static_cast<int>(AxisParameter::zero)] = described ? body.offset : 0;
+  }
+  for (int i = 0; i < drawn.mechanism.closures && described; ++i) {
+    const engine::Closure& of = drawn.mechanism.closure[i];
+    Real* to = xi + closure_column(drawn, of.joint);
+    const auto at = [&](ClosureParameter p) { return to + static_cast<int>(p); };
+    using enum ClosureParameter;
+    enter(at(of.exchanged ? base_x : anchor_x), of.a);
+    enter(at(of.exchanged ? anchor_x : base_x), of.b);
+    if (of.plane)
+      enter(at(of.exchanged ? anchor_hinge_x : base_hinge_x), of.normal);
+    else
+      *at(length) = of.length;
   }
   return {};
 }
@@ -88,11 +105,30 @@ Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) {
     sensor.normal = vector(at(SensorParameter::normal_x)).normalized();
     std::copy_n(at(SensorParameter::eccentricity_c1), 4, sensor.eccentricity.amplitude.begin());
   }
-  for (int j = 0; j < passive_axes(drawn.mobility); ++j) {
+  const bool described = is_mechanism(drawn.mobility);
+  for (int j = 0; j < joints_of(drawn); ++j) {
     const Real* of = xi + axis_column(drawn, j);
-    robot.axis[j].origin = vector(of + static_cast<int>(AxisParameter::origin_x));
-    robot.axis[j].direction =
-        vector(of + static_cast<int>(AxisParameter::direction_x)).normalized();
+    const Vec3 origin = vector(of + static_cast<int>(AxisParameter::origin_x));
+    const Vec3 direction = vector(of + static_cast<int>(AxisParameter::direction_x)).normalized();
+    if (described) {
+      engine::Body& body = robot.mechanism.body[j];
+      body.origin = origin, body.axis = direction;
+      body.offset = of[static_cast<int>(AxisParameter::zero)];
+    } else {
+      robot.axis[j].origin = origin, robot.axis[j].direction = direction;
+    }
+  }
+  for (int i = 0; i < drawn.mechanism.closures && described; ++i) {
+    engine::Closure& closure = robot.mechanism.closure[i];
+    const Real* of = xi + closure_column(drawn, closure.joint);
+    const auto at = [&](ClosureParameter p) { return of + static_cast<int>(p); };
+    using enum ClosureParameter;
+    closure.a = vector(at(closure.exchanged ? base_x : anchor_x));
+    closure.b = vector(at(closure.exchanged ? anchor_x : base_x));
+    if (closure.plane)
+      closure.normal = vector(at(closure.exchanged ? anchor_hinge_x : base_hinge_x)).normalized();
+    else
+      closure.length = *at(length);
   }
   note_encoders(robot);
   return {};

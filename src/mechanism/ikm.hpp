@@ -25,6 +25,7 @@ struct Closure {
 /// @return unreachable and the first chain that cannot close, or not_finite.
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool angle = true) {
   if (!robot.finished) return {Status::unfinished, -1};
+  if (is_mechanism(robot.mobility)) return {Status::no_chains, -1};
   closure.pose = pose;
   closure.motors = robot.motors;
   carry(robot, pose, closure.carried);

@@ -1,6 +1,8 @@
 // Jacobians between motions of platform and motors: J_x ẋ = J_q q̇, ẋ = J q̇.
 #include "mechanism/jacobian.hpp"
 
+#include "mechanism/full.hpp"
+
 #include <tuple>
 
 namespace truepose {
@@ -53,6 +55,7 @@ Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
 }
 
 Outcome note_assembly(Robot& robot) {
+  if (is_mechanism(robot.mobility)) return note_home(robot);
   Closure closure;
   Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), closure);
   Jacobians jacobians;

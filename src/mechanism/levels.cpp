@@ -30,6 +30,10 @@ Outcome read(const Robot& robot, const FullClosure& at, Extended& q_e) {
   if (status != Status::ok) return status;
   // D and θ are the coordinates; tilt and bars follow from them.
   pose = full;
+  if (is_mechanism(robot.mobility)) {
+    rest = closure.residual(stand(robot, closure.built, q, pose));
+    return status;
+  }
   pose.R = turns_about_z(robot.mobility) ? rotation_z(pose.theta) : Mat3::Identity();
   if (Closure ideal; ikm(robot, pose, ideal))
     rest = closure.residual(stand(robot, closure.built, ideal.q(), pose));
@@ -46,8 +50,10 @@ Outcome ikm(Level level, const Robot& robot, const Coordinates& x, Joint& q) {
 
 FkmResult fkm(Level level, const Robot& robot, const Joint& q, Coordinates& x, int cap) {
   if (!robot.finished) return {{Status::unfinished, -1}};
-  if (level == Level::full && robot.full.kind != FullKind::same)
-    return robot.full.own() ? fkm_full(robot, q, x, cap) : FkmResult{{Status::no_full_level, -1}};
+  if (by_engine(level, robot))
+    return is_mechanism(robot.mobility) || robot.full.own()
+               ? fkm_full(robot, q, x, cap)
+               : FkmResult{{Status::no_full_level, -1}};
   Pose pose = to_pose(robot.mobility, x);
   const FkmResult result = fkm(robot, q, pose, cap);
   x = to_coordinates(robot.mobility, pose);
@@ -55,13 +61,27 @@ FkmResult fkm(Level level, const Robot& robot, const Joint& q, Coordinates& x, i
 }
 
 Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
-  return level == Level::full && robot.full.own() ? motors_pose_full(robot, q, pose, rest)
-                                                  : fkm(robot, q, pose, kFkmStart).status;
+  return is_mechanism(robot.mobility) || (level == Level::full && robot.full.own())
+             ? motors_pose_full(robot, q, pose, rest)
+             : fkm(robot, q, pose, kFkmStart).status;
 }
 
 Outcome jacobian(Level level, const Robot& robot, const Coordinates& x, JointMatrix& J) {
   const auto of = [&](const auto& at) { return jacobian(robot, at, J); };
   return closed(level, robot, to_pose(robot.mobility, x), of, nullptr, false);
+}
+
+Outcome placed(const Robot& robot, const Pose& pose, Pose& platform) {
+  if (!is_mechanism(robot.mobility)) {
+    platform = placed(robot, pose);
+    return {};
+  }
+  const auto of = [&](const FullClosure& closure) {
+    const engine::Frame& frame = closure.at.frame[closure.built.platform];
+    platform = {frame.p, frame.R, 0};
+    return Outcome{};
+  };
+  return levels_detail::closed_full(robot, pose, of, nullptr);
 }
 
 Outcome extended(Level level, const Robot& robot, const Pose& pose, Extended& q_e,
@@ -72,7 +92,7 @@ Outcome extended(Level level, const Robot& robot, const Pose& pose, Extended& q_
 Outcome rkm(Level level, const Robot& robot, const Coordinates& x, Reading& values) {
   Extended q_e;
   const Outcome outcome = extended(level, robot, to_pose(robot.mobility, x), q_e);
-  if (outcome) std::copy_n(q_e.begin() + dof(robot.mobility), robot.r, values.begin());
+  if (outcome) std::copy_n(q_e.begin() + robot.motors, robot.r, values.begin());
   return outcome;
 }
 

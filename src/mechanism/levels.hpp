@@ -10,6 +10,12 @@ inline Level level_of(const Robot& robot) {
   return robot.rod_by_rod() ? Level::full : Level::ideal;
 }
 
+/// Whether the engine closes the loops at a level, not the chains' closed forms.
+inline bool by_engine(Level level, const Robot& robot) {
+  return is_mechanism(robot.mobility) ||
+         (level == Level::full && robot.full.kind != FullKind::same);
+}
+
 namespace levels_detail {
 /// Kept apart from the ideal level, whose stack is small.
 template <class F>
@@ -29,9 +35,10 @@ template <class F>
 Outcome closed(Level level, const Robot& robot, const Pose& pose, F&& f, Parasitic* rest = nullptr,
                bool angle = true) {
   if (!robot.finished) return {Status::unfinished, -1};
-  if (level == Level::full && robot.full.kind != FullKind::same)
-    return robot.full.own() ? levels_detail::closed_full(robot, pose, f, rest)
-                            : Outcome{Status::no_full_level, -1};
+  if (by_engine(level, robot))
+    return is_mechanism(robot.mobility) || robot.full.own()
+               ? levels_detail::closed_full(robot, pose, f, rest)
+               : Outcome{Status::no_full_level, -1};
   Closure closure;
   const Outcome outcome = ikm(robot, pose, closure, angle);
   return outcome ? f(closure) : outcome;
@@ -50,6 +57,9 @@ Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, 
 
 /// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
 Outcome jacobian(Level level, const Robot& robot, const Coordinates& x, JointMatrix& J);
+
+/// D and R of the platform.
+Outcome placed(const Robot& robot, const Pose& pose, Pose& platform);
 
 /// q_e at a pose, as the robot's own encoders read them.
 /// @return not_measured: an angle at the hinge of a missing bar; not_finite: a sensor cannot read

@@ -8,50 +8,6 @@
 #include "mechanism/fkm.hpp"
 
 namespace truepose::engine {
-inline constexpr int kBodies = 20, kFreedoms = 24, kClosures = kMaxRods;
-
-enum class Kind : int {
-  slide = 0,  ///< along its axis
-  shift = 1,  ///< along x, y (and z, with three freedoms) of its parent
-  hinge = 2,  ///< about its axis
-  ball = 3,   ///< y: its rotation vector, moved by small turns about x, y, z of its parent
-};
-
-/// A body and the joint that carries it. With all freedoms at zero, all frames are parallel.
-struct Body {
-  Kind kind = Kind::hinge;
-  int parent = -1;             ///< -1: the base; else a body before this one
-  int freedom = 0;             ///< the first of its freedoms; several bodies may share one
-  int count = 1;               ///< of its freedoms
-  Vec3 origin = Vec3::Zero();  ///< of the joint, in the parent
-  Vec3 axis = Vec3::UnitZ();   ///< of a slide or hinge, unit, in the parent
-  Real ratio = 1, offset = 0;  ///< a slide or hinge is at offset + ratio y
-};
-
-/// A rod |A - B| = L between points of two bodies; or, as a plane, (A - B)·normal = 0.
-struct Closure {
-  int body_a = -1, body_b = -1;  ///< -1: the base
-  Vec3 a = Vec3::Zero(), b = Vec3::Zero();
-  Real length = 0;
-  int driven = -1;      ///< freedom that adds to the length; -1: none
-  int motor = -1;       ///< freedom that moves B by an arm or carriage; -1: none
-  int mode = 0;         ///< working mode: sign of the derivative by `motor`; 0: not checked
-  Real compliance = 1;  ///< of an elastic mechanism: change of f per tension (L² for equal springs)
-  bool plane = false;
-  Vec3 normal = Vec3::UnitZ();  ///< of a plane, unit, in the body of B
-};
-
-/// y = [motors q; platform coordinates x; hidden h]. Only the first of each kind are read.
-struct Mechanism {
-  int bodies = 0, closures = 0;
-  int motors = 0, coordinates = 0, freedoms = 0;
-  int sign = 0;  ///< assembly mode: of det ∂f/∂(x, h), as of mode_of; 0: not checked
-  /// One closure more than x and h need: all deflect, equally stiff, as little as closes the loops.
-  bool elastic = false;
-  std::array<Body, kBodies> body;
-  std::array<Closure, kClosures> closure;
-};
-
 /// A list of freedoms: the unknown ones of a solution, or the held ones that move.
 struct Freedoms {
   int count = 0;
@@ -112,6 +68,8 @@ struct Position {
 using Row = std::array<Real, kFreedoms>;
 
 Real length_of(const Mechanism& mechanism, const Position& at, int closure);
+/// How far a closure is open, m: how much too long its ends' distance is, or how far off its plane.
+Real gap(const Mechanism& mechanism, const Position& at, int closure);
 
 /// Frames of all bodies and values of all closures from y. @param moving  bodies to place, as bits
 void place(const Mechanism& mechanism, Position& at, unsigned moving = ~0u);
@@ -127,6 +85,9 @@ inline Row row(const Mechanism& mechanism, const Position& at, int closure) {
   Row size{};
   return row(mechanism, at, closure, size);
 }
+
+/// Whether a body carries another one, or is it.
+bool carries(const Mechanism& mechanism, int body, int carried);
 
 /// Sign of a closure's derivative by the motor that moves B, which tells working modes apart; 0:
 /// its arm and rod are in line.
@@ -182,9 +143,9 @@ Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& u
 int mode_of(const Mechanism& mechanism, const Position& at);
 
 /// Rank of a matrix, its columns in units of their own size: elimination with full pivoting, a
-/// pivot below 1e-6 counting as zero. @param order  out: rows, the independent ones first
+/// pivot below 1e-6 counting as zero. @param order, held  out: rows, columns, the independent first
 int rank(std::array<Row, kClosures> m, int rows, int columns,
-         std::array<int, kClosures>* order = nullptr);
+         std::array<int, kClosures>* order = nullptr, std::array<int, kFreedoms>* held = nullptr);
 
 /// What is wrong with a description.
 enum class Flaw : int {
@@ -199,7 +160,7 @@ enum class Flaw : int {
   unmoved = 8,            ///< closure: nothing moves one of its ends against the other
   idle = 9,               ///< motor: moves nothing
   dependent = 10,         ///< closure: follows from the others; amount: how many do
-  loose = 11,             ///< amount: how many freedoms x and h no closure holds
+  loose = 11,             ///< freedom: no closure holds it; amount: how many of x and h
 };
 struct Check {
   Flaw flaw = Flaw::none;
@@ -208,6 +169,10 @@ struct Check {
   explicit operator bool() const { return flaw == Flaw::none; }
 };
 
-/// Examines a description where it should close. @param y  start, with the motors where they are
-Check check(const Mechanism& mechanism, const Row& home);
+/// Examines counts, indices and the order of bodies.
+Check check_parts(const Mechanism& mechanism);
+
+/// Examines a description at a home that should close. @param at  in: y, with the motors where
+/// their search starts; out: the position
+Check check(const Mechanism& mechanism, Position& at);
 }  // namespace truepose::engine

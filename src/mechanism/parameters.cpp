@@ -3,9 +3,13 @@
 
 namespace truepose {
 int axis_column(const Robot& robot, int axis) {
-  assert(axis >= 0 && axis < passive_axes(robot.mobility));
+  assert(axis >= 0 && axis <= joints_of(robot));
   return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters +
          axis * kAxisParameters;
+}
+
+int closure_column(const Robot& robot, int joint) {
+  return axis_column(robot, joints_of(robot)) + joint * kClosureParameters;
 }
 
 namespace {
@@ -29,10 +33,10 @@ struct Readings {
   const int n = dof(robot.mobility), m = robot.motors, count = readings(robot),
             width = parameter_count(robot);
   std::array<Sensed, kMaxSensors> sensed;
-  std::array<engine::Line, kMaxSensors> platform;  ///< by a motion of the platform's side
-  std::array<engine::Row, kMaxReadings> e;         ///< e_u and e_x
-  Matrix<kMaxReadings, engine::kClosures> S{};     ///< e_u A⁻¹
-  Real* H = nullptr;                               ///< H_ξ
+  std::array<std::array<SensedFreedoms::Side, 2>, kMaxSensors> side;
+  std::array<engine::Row, kMaxReadings> e;      ///< e_u and e_x
+  Matrix<kMaxReadings, engine::kClosures> S{};  ///< e_u A⁻¹
+  Real* H = nullptr;                            ///< H_ξ
 
   Readings(const Robot& of, const Built& as, const engine::Position& there, Real theta)
       : robot(of), built(as), at(there) {
@@ -44,7 +48,7 @@ struct Readings {
       const Sensor& sensor = robot.sensor[k];
       const SensedFreedoms s = sense(robot, built, at, theta, sensor);
       sensed[k] = s;
-      platform[k] = s.platform;
+      side[k] = s.side;
       for (int j = 0; j < built.mechanism.freedoms; ++j) e[m + k][j] = sensor.gain * s.row[j];
     }
   }
@@ -55,8 +59,24 @@ struct Readings {
   }
   Real& entry(int sensor, int column) { return H[(m + sensor) * width + column]; }
 
+  /// A parameter that moves a body, and all that it carries, at fixed freedoms.
+  void enter_twist(int body, int column, const engine::Twist& twist) {
+    const engine::Mechanism& m_ = built.mechanism;
+    for (int i = 0; i < m_.closures; ++i) {
+      const engine::Closure& of = m_.closure[i];
+      const int moved = engine::carries(m_, body, of.body_a) - engine::carries(m_, body, of.body_b);
+      enter_closure(i, column, moved * (twist * at.line[i]));
+    }
+    for (int k = 0; k < robot.r; ++k)
+      for (const auto& of : side[k])
+        if (engine::carries(m_, body, of.body))
+          entry(k, column) += robot.sensor[k].gain * (twist * of.line);
+  }
+
   void chain_columns(int i);
-  void axis_columns(int j);
+  void encoder_columns(int i);
+  void joint_columns(int body, int first);
+  void described_columns(int closure);
   void sensor_columns(int k);
   void parameter_columns(Real* H_xi);
 };
@@ -104,8 +124,16 @@ void Readings::chain_columns(int i) {
   if (chain.bar >= 0)  // c moves along itself
     enter(bar_column(robot, chain.bar), {.A = (platform * chain.pivot).normalized()});
 
-  // The encoder's own, with the motor at rest. The gain scales from 0.
-  Real* encoder = H + i * width;
+  encoder_columns(i);
+}
+
+/// Parameters of a motor's encoder, the motor at rest. The gain scales from 0.
+void Readings::encoder_columns(int i) {
+  using enum ChainParameter;
+  const Chain& chain = robot.chain[i];
+  const bool revolute = chain.actuator == Actuator::revolute;
+  Real* encoder = H + i * width + chain_column(i);
+  const auto column = [](ChainParameter parameter) { return static_cast<int>(parameter); };
   const Real v = (motor_reading(chain, at.y[i]) + chain.encoder_offset) / chain.encoder_gain;
   encoder[column(encoder_offset)] = -1;
   encoder[column(encoder_gain)] = v;
@@ -137,34 +165,65 @@ void Readings::sensor_columns(int k) {
     row[column++] = of.gain * harmonic / of.eccentricity.gear;
 }
 
-/// Parameters of a passive axis move the platform by a twist, the angles held: an origin shifts all
-/// that follows it; a direction turned by δ ⟂ d turns it by sin x δ + (1 - cos x) d × δ about the
-/// axis' origin.
-void Readings::axis_columns(int j) {
-  const int body = built.platform - n + 1 + j;
-  const Mat3 R = j == 0 ? Mat3::Identity() : at.frame[body - 1].R;
-  const Vec3 d = robot.axis[j].direction;
-  const Real x = at.y[built.mechanism.motors + j];
-  for (int k = 0; k < kAxisParameters; ++k) {
-    const int column = axis_column(robot, j) + k;
-    engine::Twist twist{R.col(k % 3), Vec3::Zero()};
-    if (k >= static_cast<int>(AxisParameter::direction_x)) {
-      const Vec3 turned = turned_only(Vec3::Unit(k % 3), d);
-      twist.turn = R * (std::sin(x) * turned + (1 - std::cos(x)) * d.cross(turned));
-      twist.velocity = at.frame[body].p.cross(twist.turn);
-    }
-    for (int rod = 0; rod < built.mechanism.closures; ++rod)
-      enter_closure(rod, column, twist * at.line[rod]);
-    for (int sensor = 0; sensor < robot.r; ++sensor)
-      entry(sensor, column) += robot.sensor[sensor].gain * (twist * platform[sensor]);
+/// Parameters of a joint move the body that it carries by a twist, the freedom held: an origin
+/// shifts it; a zero moves it along or about the axis; a direction turned by δ ⟂ d turns it by
+/// sin φ δ + (1 - cos φ) d × δ about the joint, or moves it by φ δ along a slide.
+void Readings::joint_columns(int body, int first) {
+  const engine::Body& joint = built.mechanism.body[body];
+  const engine::Frame& frame = at.frame[body];
+  const Mat3 R = joint.parent < 0 ? Mat3::Identity() : at.frame[joint.parent].R;
+  const Vec3& d = joint.axis;
+  const Real phi = joint.offset + joint.ratio * at.y[joint.freedom];
+  const bool slides = joint.kind == engine::Kind::slide;
+  const auto about = [&](const Vec3& turn) { return engine::Twist{frame.p.cross(turn), turn}; };
+  const auto along = [](const Vec3& v) { return engine::Twist{v, Vec3::Zero()}; };
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 turned = turned_only(Vec3::Unit(k), d);
+    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k, along(R.col(k)));
+    enter_twist(body, first + static_cast<int>(AxisParameter::direction_x) + k,
+                slides
+                    ? along(phi * (R * turned))
+                    : about(R * (std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned))));
   }
+  enter_twist(body, first + static_cast<int>(AxisParameter::zero),
+              slides ? along(R * d) : about(R * d));
+}
+
+/// Parameters of a described closure, in one of its equations: its ends, its length, its hinge.
+void Readings::described_columns(int closure) {
+  using enum ClosureParameter;
+  const engine::Closure& of = built.mechanism.closure[closure];
+  const auto rotation = [&](int body) { return body < 0 ? Mat3::Identity() : at.frame[body].R; };
+  const Mat3 R_a = rotation(of.body_a), R_b = rotation(of.body_b);
+  const auto column = [&](ClosureParameter parameter) {
+    return closure_column(robot, of.joint) + static_cast<int>(parameter);
+  };
+  const ClosureParameter A = of.exchanged ? base_x : anchor_x, B = of.exchanged ? anchor_x : base_x;
+  const Vec3 d = at.A[closure] - at.B[closure];
+  const auto enter_end = [&](int to, const Vec3& moved) {
+    enter_closure(closure, to, at.line[closure].force.dot(moved));
+    for (int k = 0; k < robot.r; ++k)
+      if (on_rod(robot.sensor[k]) && robot.sensor[k].chain == closure)
+        entry(k, to) += robot.sensor[k].gain * sensed[k].rod.dot(moved);
+  };
+  for (int k = 0; k < 3; ++k) {
+    enter_end(column(A) + k, R_a.col(k));
+    enter_end(column(B) + k, -R_b.col(k));
+    if (of.plane)
+      enter_closure(closure, column(of.exchanged ? anchor_hinge_x : base_hinge_x) + k,
+                    d.dot(R_b * turned_only(Vec3::Unit(k), of.normal)));
+  }
+  if (!of.plane && of.driven < 0) enter_closure(closure, column(length), -of.length);
 }
 
 void Readings::parameter_columns(Real* H_xi) {
   H = H_xi;
   std::fill(H, H + count * width, Real(0));
-  for (int i = 0; i < m; ++i) chain_columns(i);
-  for (int j = 0; j < passive_axes(robot.mobility); ++j) axis_columns(j);
+  const bool described = is_mechanism(robot.mobility);
+  for (int i = 0; i < m; ++i) described ? encoder_columns(i) : chain_columns(i);
+  const int first = described ? 0 : built.platform + 1 - joints_of(robot);
+  for (int j = 0; j < joints_of(robot); ++j) joint_columns(first + j, axis_column(robot, j));
+  for (int i = 0; i < built.mechanism.closures && described; ++i) described_columns(i);
   for (int k = 0; k < robot.r; ++k) sensor_columns(k);
 }
 }  // namespace

@@ -47,9 +47,16 @@ struct ParameterProperties {
   TRUEPOSE_VECTOR(ENTRY, target, metre)   \
   TRUEPOSE_VECTOR(ENTRY, normal, one)     \
   TRUEPOSE_ECCENTRICITY(ENTRY)
-#define TRUEPOSE_AXIS_PARAMETERS(ENTRY) \
-  TRUEPOSE_VECTOR(ENTRY, origin, metre) \
-  TRUEPOSE_VECTOR(ENTRY, direction, one)
+#define TRUEPOSE_AXIS_PARAMETERS(ENTRY)  \
+  TRUEPOSE_VECTOR(ENTRY, origin, metre)  \
+  TRUEPOSE_VECTOR(ENTRY, direction, one) \
+  ENTRY(zero, "zero", reading)
+#define TRUEPOSE_CLOSURE_PARAMETERS(ENTRY) \
+  TRUEPOSE_VECTOR(ENTRY, anchor, metre)    \
+  TRUEPOSE_VECTOR(ENTRY, base, metre)      \
+  ENTRY(length, "length", metre)           \
+  TRUEPOSE_VECTOR(ENTRY, base_hinge, one)  \
+  TRUEPOSE_VECTOR(ENTRY, anchor_hinge, one)
 #define TRUEPOSE_ENUMERATOR(enumerator, name, unit) enumerator,
 #define TRUEPOSE_ROW(enumerator, name, unit) ParameterProperties{name, Unit::unit},
 
@@ -59,23 +66,34 @@ struct ParameterProperties {
 enum class ChainParameter : int { TRUEPOSE_CHAIN_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 /// Parameters of a sensor, in this order; those that its kind lacks have zero columns.
 enum class SensorParameter : int { TRUEPOSE_SENSOR_PARAMETERS(TRUEPOSE_ENUMERATOR) };
-/// Parameters of a passive axis, in this order.
+/// Parameters of a passive axis, or of the slide or hinge that carries a body of a mechanism.
 enum class AxisParameter : int { TRUEPOSE_AXIS_PARAMETERS(TRUEPOSE_ENUMERATOR) };
+/// Parameters of a described closure of a mechanism, which its equations share.
+enum class ClosureParameter : int { TRUEPOSE_CLOSURE_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 
 inline constexpr std::array kChainTable{TRUEPOSE_CHAIN_PARAMETERS(TRUEPOSE_ROW)};
 inline constexpr std::array kSensorParameterTable{TRUEPOSE_SENSOR_PARAMETERS(TRUEPOSE_ROW)};
 inline constexpr std::array kAxisTable{TRUEPOSE_AXIS_PARAMETERS(TRUEPOSE_ROW)};
+inline constexpr std::array kClosureTable{TRUEPOSE_CLOSURE_PARAMETERS(TRUEPOSE_ROW)};
 inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
 inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.size());
 inline constexpr int kAxisParameters = static_cast<int>(kAxisTable.size());
+inline constexpr int kClosureParameters = static_cast<int>(kClosureTable.size());
 
-/// ξ: chains, then c of the bars, the sensors in use, and the passive axes.
-inline int parameter_count(const Robot& robot) {
-  return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters +
-         passive_axes(robot.mobility) * kAxisParameters;
+/// Passive axes, or all bodies of a mechanism.
+inline int joints_of(const Robot& robot) {
+  return is_mechanism(robot.mobility) ? robot.mechanism.bodies : passive_axes(robot.mobility);
 }
 
 int axis_column(const Robot& robot, int axis);
+int closure_column(const Robot& robot, int joint);
+
+/// ξ: chains, then c of the bars, the sensors in use, the passive axes or the mechanism's joints,
+/// and its closures.
+inline int parameter_count(const Robot& robot) {
+  return closure_column(robot, is_mechanism(robot.mobility) ? robot.mechanism.joints : 0);
+}
+
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
   assert(bar >= 0 && bar < kMaxBars);  // else it is a sensor's column: see parts_exist

@@ -77,6 +77,10 @@ Real length_of(const Mechanism& mechanism, const Position& at, int closure) {
   return rod.length + (rod.driven < 0 ? 0 : at.y[rod.driven]);
 }
 
+Real gap(const Mechanism& mechanism, const Position& at, int closure) {
+  return at.f[closure] / (mechanism.closure[closure].plane ? 1 : length_of(mechanism, at, closure));
+}
+
 void place(const Mechanism& mechanism, Position& at, unsigned moving) {
   for (int b = 0; b < mechanism.bodies; ++b) {
     if (!(moving >> b & 1)) continue;
@@ -93,9 +97,8 @@ void place(const Mechanism& mechanism, Position& at, unsigned moving) {
   if (mechanism.elastic) relax(mechanism, at);
   at.cost = at.residual = 0;
   for (int i = 0; i < mechanism.closures; ++i) {
-    const Real per_gap = mechanism.closure[i].plane ? 1 : length_of(mechanism, at, i);
     at.cost += at.f[i] * at.f[i];
-    at.residual = std::max(at.residual, std::fabs(at.f[i]) / per_gap);
+    at.residual = std::max(at.residual, std::fabs(gap(mechanism, at, i)));
   }
 }
 }  // namespace truepose::engine

@@ -9,7 +9,7 @@
 namespace truepose {
 /// Position D of the platform's reference point and orientation R (platform to base). theta keeps
 /// its turns, unlike R. On passive axes D holds x, their angles; carried_frames() gives the true D
-/// and R.
+/// and R. Of a mechanism D holds x, R is the platform's.
 struct Pose {
   Vec3 D = Vec3::Zero();
   Mat3 R = Mat3::Identity();
@@ -31,7 +31,7 @@ constexpr bool turns_about_z(Mobility mobility) {
 
 /// Number of coordinates that D holds, which come first.
 constexpr int positions_of(Mobility mobility) {
-  if (is_rotational(mobility)) return dof(mobility);
+  if (mobility >= Mobility::rotational_1) return dof(mobility);
   return mobility == Mobility::planar || mobility == Mobility::planar_translation ? 2 : 3;
 }
 

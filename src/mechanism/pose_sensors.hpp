@@ -7,7 +7,11 @@ namespace truepose {
 Sensed sense(Is<SensorKind::platform_angle>, const Sensor&, const Pose& pose);
 
 /// Angle of a passive axis: a coordinate, not a function of D and R; see sensor.hpp.
-inline Sensed sense(Is<SensorKind::axis_angle>, const Sensor&, const Pose&) { return {}; }
+template <SensorKind joint>
+  requires(joint >= SensorKind::axis_angle)
+inline Sensed sense(Is<joint>, const Sensor&, const Pose&) {
+  return {};
+}
 
 /// Coordinate of a platform point along a fixed direction w: w·(D + R t - o).
 Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose& pose);

@@ -15,6 +15,7 @@
 #include <type_traits>
 
 #include "math/vec3.hpp"
+#include "mechanism/bodies.hpp"
 #include "mechanism/encoder.hpp"
 #include "mechanism/sensor_kinds.hpp"
 #include "truepose/sizes.hpp"
@@ -39,6 +40,9 @@ enum class Mobility : int {
   rotational_1 = 5,        ///< the angle of the one passive axis that carries the platform
   rotational_2 = 6,        ///< the angles of two passive axes, the first at the base
   rotational_3 = 7,        ///< the angles of three
+  mechanism_1 = 8,         ///< the one coordinate of a mechanism of bodies and closures
+  mechanism_2 = 9,         ///< its two
+  mechanism_3 = 10,        ///< its three
 };
 
 /// How motor position q moves the base-side point B of a chain.
@@ -98,7 +102,7 @@ struct Sensor {
   int at_nacelle = 0;  ///< rod_*: 1 at the joint on the platform's side
   int rod = 1;         ///< rod_* at the full level: rod of the pair, +1 or -1
   int bar = -1;  ///< platform_angle at the full level: hinge of this bar (0-based; -1: absolute θ)
-  int axis = 0;  ///< axis_angle: index of the passive axis (0-based)
+  int axis = 0;  ///< axis_angle: passive axis; joint_angle, slide_position: freedom (0-based)
   Real gain = 1;
   Real offset = 0;
   Eccentricity eccentricity;  ///< of an encoder: platform_angle, rod_in_plane, rod_lateral, motor
@@ -187,6 +191,10 @@ struct Robot {
   bool limited = true;    ///< whether any motor or passive axis has limits
   FullLevel full;         ///< set by finish_full
 
+  /// Bodies and closures in place of chains: mechanism_1 to _3. The chains then are its motors
+  /// alone; a sensor's `chain` is a closure, its `bar`, like a Body's, a body (-1: the platform).
+  engine::Mechanism mechanism;
+
   /// Whether they model every rod individually.
   constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
 };
@@ -194,10 +202,10 @@ struct Robot {
 // Copyable byte by byte, with C layout.
 static_assert(std::is_trivially_copyable_v<Robot> && std::is_standard_layout_v<Robot>);
 
-inline constexpr int kMobilities = 8;
+inline constexpr int kMobilities = 11;
 /// Number of freedoms. (An unfinished robot's mobility may be invalid; it has any.)
 constexpr int dof(Mobility mobility) {
-  constexpr std::array<int, kMobilities> sizes{2, 3, 3, 4, 6, 1, 2, 3};
+  constexpr std::array<int, kMobilities> sizes{2, 3, 3, 4, 6, 1, 2, 3, 1, 2, 3};
   const auto index = static_cast<std::size_t>(mobility);
   return sizes[index < sizes.size() ? index : 0];
 }
@@ -215,6 +223,9 @@ inline bool overdriven(const Robot& robot) { return robot.motors > dof(robot.mob
 constexpr bool is_rotational(Mobility mobility) {  // no invalid one is, of a robot to be refused
   return mobility >= Mobility::rotational_1 && mobility <= Mobility::rotational_3;
 }
+
+/// Whether bodies and closures describe the robot: x are any freedoms of them.
+constexpr bool is_mechanism(Mobility mobility) { return mobility >= Mobility::mechanism_1; }
 
 /// Number of passive axes.
 constexpr int passive_axes(Mobility mobility) {

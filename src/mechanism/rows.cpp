@@ -49,6 +49,11 @@ Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size) 
   return row;
 }
 
+bool carries(const Mechanism& mechanism, int body, int carried) {
+  while (carried > body) carried = mechanism.body[carried].parent;
+  return carried >= 0 && carried == body;
+}
+
 int mode_of(const Mechanism& mechanism, const Position& at, int closure) {
   const Closure& of = mechanism.closure[closure];
   const Line& line = at.line[closure];

@@ -2,47 +2,67 @@
 #include "mechanism/sense_mechanism.hpp"
 
 namespace truepose {
+namespace {
+/// Reads a sensor at a rod of a chain, or of a described mechanism. There its joint is built along
+/// axes of the body on its side.
+void sense_rod(const Robot& robot, const Built& built, const engine::Position& at,
+               const Sensor& sensor, SensedFreedoms& s) {
+  const bool described = is_mechanism(robot.mobility);
+  const Chain& chain = robot.chain[described ? 0 : sensor.chain];
+  const int rod = described ? sensor.chain : built.rod_of(sensor);
+  const engine::Closure& of = built.mechanism.closure[rod];
+  const bool arm = described || chain.actuator == Actuator::revolute;
+  Sensor by = sensor;
+  by.at_nacelle = described || sensor.at_nacelle;
+  const int side = described && !sensor.at_nacelle ? of.body_b
+                   : described || chain.bar >= 0   ? of.body_a
+                                                   : built.platform;
+  const Vec3 v = at.B[rod] - at.A[rod], p = described || !arm
+                                                ? Vec3::Zero()
+                                                : at.frame[of.body_b].R * (chain.arm * chain.zero);
+  static_cast<Sensed&>(s) = sense_chain(by, {chain, at.y[described ? 0 : sensor.chain], p, v,
+                                             side < 0 ? Mat3::Identity() : at.frame[side].R});
+  s.side[0] = {of.body_a, engine::line_through(at.A[rod], s.rod)};
+  s.side[1] = {of.body_b, engine::line_through(at.B[rod], -s.rod)};
+  // The frame of the joint turns with its own side.
+  if (sensor.at_nacelle)
+    s.side[0].line.moment += s.frame;
+  else if (arm)
+    s.side[1].line.moment += s.frame;
+}
+}  // namespace
+
 SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
                      const Sensor& sensor) {
   const engine::Mechanism& m = built.mechanism;
-  const engine::Frame& platform = at.frame[built.platform];
+  const bool described = is_mechanism(robot.mobility);
   SensedFreedoms s;
-  Sensed& sensed = s;
-  if (on_chain(sensor)) {
-    const int rod = built.rod_of(sensor), arm = built.arm[sensor.chain];
-    const Chain& chain = robot.chain[sensor.chain];
-    const Mat3& body = chain.bar < 0 ? platform.R : at.frame[built.bar[sensor.chain]].R;
-    const bool revolute = chain.actuator == Actuator::revolute;
-    const Vec3 p = revolute ? at.frame[arm].R * (chain.arm * chain.zero) : Vec3::Zero();
-    sensed = sense_chain(sensor, {chain, at.y[sensor.chain], p, at.B[rod] - at.A[rod], body});
-    // The frame of its joint turns with the platform's side or with the arm.
-    s.platform = engine::line_through(at.A[rod], s.rod);
-    engine::Line of_B = engine::line_through(at.B[rod], s.rod);
-    if (sensor.at_nacelle)
-      s.platform.moment += s.frame;
-    else if (revolute)
-      of_B.moment -= s.frame;
-    engine::add_line(m, at, built.bar[sensor.chain], s.platform, 1, s.row);
-    engine::add_line(m, at, arm, of_B, -1, s.row);
-    s.row[sensor.chain] += s.motor;
-    return s;
-  }
   const auto read = [&](int freedom, Real sign) {
     s.value = sign * at.y[freedom];
     read_off_centre(sensor, s);
     s.row[freedom] = sign * s.slope;
     return s;
   };
+  if (sensor.kind == SensorKind::joint_angle || sensor.kind == SensorKind::slide_position ||
+      (described && sensor.kind == SensorKind::motor_encoder))
+    return read(sensor.kind == SensorKind::motor_encoder ? sensor.chain : sensor.axis, 1);
   if (sensor.kind == SensorKind::axis_angle) return read(m.motors + sensor.axis, 1);
   if (properties(sensor.kind).is_theta) {
     if (sensor.bar >= 0 && built.layout != Layout::ideal)
       return read(built.turn_of(robot, sensor.bar), -1);
     if (built.yaw >= 0) return read(built.yaw, 1);
   }
-  sensed = sense_pose(sensor, {platform.p, platform.R, theta});
-  s.platform = engine::line_through(platform.p, s.linear);
-  s.platform.moment += s.angular;
-  engine::add_line(m, at, built.platform, s.platform, 1, s.row);
+  if (on_chain(sensor)) {
+    sense_rod(robot, built, at, sensor, s);
+    if (!described) s.row[sensor.chain] += s.motor;
+  } else {
+    const int body = described && sensor.bar >= 0 ? sensor.bar : built.platform;
+    const engine::Frame& on = at.frame[body];
+    static_cast<Sensed&>(s) = sense_pose(sensor, {on.p, on.R, theta});
+    s.side[0] = {body, engine::line_through(on.p, s.linear)};
+    s.side[0].line.moment += s.angular;
+  }
+  for (const auto& side : s.side) engine::add_line(m, at, side.body, side.line, 1, s.row);
   return s;
 }
 
@@ -51,7 +71,8 @@ Outcome read(const Robot& robot, const Built& built, const engine::Position& at,
   for (int i = 0; i < robot.motors; ++i) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    if (built.layout == Layout::full && sensor.bar >= robot.full.bars)
+    if (built.layout == Layout::full && !is_mechanism(robot.mobility) &&
+        sensor.bar >= robot.full.bars)
       return {Status::not_measured, -1};
     q_e[robot.motors + k] =
         sensor.gain * sense(robot, built, at, theta, sensor).value - sensor.offset;

@@ -7,8 +7,13 @@
 namespace truepose {
 /// A sensor's value and gradients, all without the gain.
 struct SensedFreedoms : Sensed {
-  engine::Row row{};                                  ///< by all freedoms
-  engine::Line platform{Vec3::Zero(), Vec3::Zero()};  ///< by a motion of the platform's side
+  engine::Row row{};  ///< by all freedoms
+  /// By a motion of a body: of the platform's side, and of the base's side of a rod.
+  struct Side {
+    int body = -1;  ///< -1: none
+    engine::Line line{Vec3::Zero(), Vec3::Zero()};
+  };
+  std::array<Side, 2> side;
 };
 
 /// Reads a sensor at any layout. An angle sensor at bar k's hinge reads -ψ_k.

@@ -47,6 +47,11 @@ inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
 /// Whether a sensor reads a chain's motor or rod, not the platform alone.
 inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
 
+/// Whether it reads a rod.
+inline bool on_rod(const Sensor& sensor) {
+  return on_chain(sensor) && sensor.kind != SensorKind::motor_encoder;
+}
+
 /// Value and gradients of a sensor on a chain, at any level of the model.
 inline Sensed sense_chain(const Sensor& sensor, const SeenChain& seen) {
   return sense_any<true>(sensor, seen);

@@ -17,17 +17,19 @@ enum class Unit : int {
 
 /// Quantity that a redundant sensor measures. One sensor is one number; a tracker is several.
 enum class SensorKind : int {
-  platform_angle = 0,  ///< θ of the platform about z, gear undone
-  plane_distance = 1,  ///< distance along a fixed line to a plane of the platform
-  coordinate = 2,      ///< a point of the platform along a fixed direction (tracker, telemeter)
-  distance = 3,        ///< from a base point to a platform point (draw-wire, ball bar)
-  inclinometer = 4,    ///< turn of the platform about one of its axes, relative to gravity
-  rotation = 5,        ///< a component of the platform's rotation vector (tracker)
-  rod_in_plane = 6,    ///< rod's direction in its joint's plane (elbow, first U-joint angle)
-  rod_lateral = 7,     ///< rod's direction out of that plane
-  rod_length = 8,      ///< distance of the rod's ends
-  motor_encoder = 9,   ///< a second encoder on a motor's load side
-  axis_angle = 10,     ///< angle of a passive axis
+  platform_angle = 0,   ///< θ of the platform about z, gear undone
+  plane_distance = 1,   ///< distance along a fixed line to a plane of the platform
+  coordinate = 2,       ///< a point of the platform along a fixed direction (tracker, telemeter)
+  distance = 3,         ///< from a base point to a platform point (draw-wire, ball bar)
+  inclinometer = 4,     ///< turn of the platform about one of its axes, relative to gravity
+  rotation = 5,         ///< a component of the platform's rotation vector (tracker)
+  rod_in_plane = 6,     ///< rod's direction in its joint's plane (elbow, first U-joint angle)
+  rod_lateral = 7,      ///< rod's direction out of that plane
+  rod_length = 8,       ///< distance of the rod's ends
+  motor_encoder = 9,    ///< a second encoder on a motor's load side
+  axis_angle = 10,      ///< angle of a passive axis
+  joint_angle = 11,     ///< of a mechanism: freedom of a hinge
+  slide_position = 12,  ///< of a mechanism: freedom of a slide
 };
 
 /// Mounting vectors that a robot file gives a kind, as bits. A kind's reading depends on these
@@ -76,6 +78,8 @@ inline constexpr auto kSensorTable = std::to_array<SensorProperties>({
     {SensorKind::rod_length, "rod_length", Unit::metre, kOfChain},
     {SensorKind::motor_encoder, "motor_encoder", Unit::radian, kOfChain | kShaft | kWraps},
     {SensorKind::axis_angle, "axis_angle", Unit::radian, kShaft},
+    {SensorKind::joint_angle, "joint_angle", Unit::radian, kShaft},
+    {SensorKind::slide_position, "slide_position", Unit::metre, 0},
 });  // the last row
 inline constexpr int kSensorKinds = static_cast<int>(kSensorTable.size());
 

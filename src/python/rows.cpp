@@ -84,7 +84,8 @@ Outcome of_x(const Row& r) {
 }
 
 /// A function. `shapes` of its results' rows, a word each: n freedoms, m motors, e readings, r
-/// sensors, p parameters, d = 2 m, c = 1 + m, h hidden motions, g of a registration; - a number.
+/// sensors, p parameters, d = 2 m, c = 1 + m, h hidden motions, b bodies, l closures, g of a
+/// registration; - a number.
 struct RowFunction {
   const char* name;
   const char* shapes;
@@ -176,6 +177,21 @@ const RowFunction kFunctions[] = {
        }
        return outcome;
      }},
+    {"bodies", "b43 l23",  // of a mechanism: origin and axes of its bodies, ends of its closures
+     [](const Row& r) {
+       FullClosure closure;
+       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
+       const engine::Mechanism& m = closure.built.mechanism;
+       double *body = r.out[0], *end = r.out[1];
+       for (int b = 0; b < m.bodies && outcome; ++b) {
+         body = std::copy_n(closure.at.frame[b].p.data(), 3, body);
+         body = std::copy_n(closure.at.frame[b].R.data(), 9, body);
+       }
+       for (int i = 0; i < m.closures && outcome; ++i)
+         for (const Vec3& point : {closure.at.A[i], closure.at.B[i]})
+           end = std::copy_n(point.data(), 3, end);
+       return Outcome{outcome};
+     }},
     {"rod_rows", "mn",  // J_x; 0 where the chains do not close
      [](const Row& r) {
        Closure closure;
@@ -206,7 +222,8 @@ const RowFunction kFunctions[] = {
      }},
     {"frames", "44",  // (robot, x, tilt (N, 3): rotation not in x; with a θ, about x, y)
      [](const Row& r) {
-       const Pose pose = placed(*r.robot, r.pose());
+       Pose pose;
+       const Outcome outcome = placed(*r.robot, r.pose(), pose);
        Vec3 turn = r.of<Vec3>(1);
        if (turns_about_z(r.robot->mobility)) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
        const Mat3 R = exp_so3(turn) * pose.R;
@@ -214,7 +231,7 @@ const RowFunction kFunctions[] = {
          const int line = k / 4, column = k % 4;
          r.out[0][k] = line == 3 ? column == 3 : column == 3 ? pose.D[line] : R(line, column);
        }
-       return Outcome{};
+       return outcome;
      }},
     {"coordinates", "n",  // (robot, D (N, 3), R (N, 9)); axis angles from home's
      [](const Row& r) {
@@ -373,6 +390,8 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
       case 'd': more(2 * m); break;
       case 'c': more(1 + m); break;
       case 'h': more(hidden); break;
+      case 'b': more(with.robot->mechanism.bodies); break;
+      case 'l': more(with.robot->mechanism.closures); break;
       case 'g': more(kRegistration); break;
       default: more(*letter - '0');
     }

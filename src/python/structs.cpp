@@ -63,13 +63,19 @@ void bind_tables(nb::module_& m) {
   m.attr("chain_parameters") = named(kChainTable);
   m.attr("sensor_parameters") = named(kSensorParameterTable);
   m.attr("axis_parameters") = named(kAxisTable);
+  m.attr("closure_parameters") = named(kClosureTable);
   m.attr("start_findings") =
       nb::tuple(nb::cast(std::vector(kStartFindings.begin(), kStartFindings.end())));
   m.attr("stop_causes") = nb::tuple(nb::cast(names_of(kCauseTable)));
   enumeration(m, "SensorKind", names_of(kSensorTable));
-  enumeration(m, "Mobility",
-              {"planar_translation", "planar", "translation", "schoenflies", "spatial",
-               "rotational_1", "rotational_2", "rotational_3"});
+  enumeration(
+      m, "Mobility",
+      {"planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational_1",
+       "rotational_2", "rotational_3", "mechanism_1", "mechanism_2", "mechanism_3"});
+  enumeration(m, "JointKind", {"slide", "shift", "hinge", "ball"});
+  enumeration(m, "Flaw",
+              {"none", "too_many_bodies", "too_many_freedoms", "too_many_closures", "no_such_part",
+               "circle", "no_length", "open", "unmoved", "idle", "dependent", "loose"});
   enumeration(m, "Actuator", {"revolute", "prismatic", "telescopic"});
   enumeration(m, "BarJoint", {"pivots", "four_bar"});
   enumeration(m, "Level", {"ideal", "full"});
@@ -145,6 +151,38 @@ void bind_robot(nb::module_& m) {
              require(set_parameters(drawn, xi.data(), robot));
              static_cast<void>(note_assembly(robot));
              return robot;
+           })
+      .def("set_mechanism",
+           [](Robot& robot, const std::vector<engine::Body>& bodies,
+              const std::vector<engine::Closure>& closures, int joints, int platform,
+              int coordinates, const std::vector<double>& home) {
+             engine::Mechanism& of = robot.mechanism = {};
+             robot.finished = false;
+             of.bodies = static_cast<int>(bodies.size());
+             of.closures = static_cast<int>(closures.size());
+             of.freedoms = static_cast<int>(home.size());
+             of.joints = joints, of.platform = platform;
+             of.motors = robot.motors, of.coordinates = coordinates;
+             std::copy_n(bodies.begin(), std::min(bodies.size(), of.body.size()), of.body.begin());
+             std::copy_n(closures.begin(), std::min(closures.size(), of.closure.size()),
+                         of.closure.begin());
+             std::copy_n(home.begin(), std::min(home.size(), of.home.size()), of.home.begin());
+           })
+      .def("check_mechanism",  // flaw, part, amount, gap of each closure (m), freedoms
+           [](const Robot& robot) {
+             engine::Position at;
+             at.y = robot.mechanism.home;
+             std::copy_n(robot.home.begin(), robot.mechanism.coordinates,
+                         at.y.begin() + robot.mechanism.motors);
+             const engine::Check found = engine::check(robot.mechanism, at);
+             std::vector<double> gap;
+             const bool closed =
+                 found.flaw == engine::Flaw::none || found.flaw >= engine::Flaw::open;
+             for (int i = 0; i < robot.mechanism.closures && closed; ++i)
+               gap.push_back(engine::gap(robot.mechanism, at, i));
+             return std::tuple(
+                 static_cast<int>(found.flaw), found.part, found.amount, gap,
+                 std::vector(at.y.begin(), at.y.begin() + (closed ? robot.mechanism.freedoms : 0)));
            })
       .def("finish", [](Robot& robot) {
         Outcome outcome = finish(robot);
@@ -233,6 +271,13 @@ void bind_structs(nb::module_& m) {
   structure<Sensor>(m, "Sensor");
   structure<Body>(m, "Body");
   structure<PassiveAxis>(m, "PassiveAxis");
+  structure<engine::Body>(
+      m, "MechanismBody",
+      TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));
+  structure<engine::Closure>(
+      m, "MechanismClosure",
+      TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, mode,
+                       compliance, plane, normal, joint, exchanged));
   structure<FullLevel>(m, "FullLevel", TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess));
   structure<ControlSettings>(m, "ControlSettings")
       .def("place_poles",

@@ -222,7 +222,9 @@ TEST("3-RPS, 3-PRS, planar 4-RRR and two balls close at every pose, there and ba
   for (const Described& one : described()) {
     check::state().scene = one.name;
     const engine::Mechanism& m = one.mechanism;
-    CHECK(engine::check(m, one.home));
+    Position at;
+    at.y = one.home;
+    CHECK(engine::check(m, at));
     check::Random random(135);
     double gap = 0, apart = 0, slope = 0, product = 0;
     long lost = 0;
@@ -277,7 +279,9 @@ TEST("a bad description is refused with the part that is wrong") {
   const auto flaw_of = [&](auto&& spoil) {
     engine::Mechanism m = good.mechanism;
     spoil(m);
-    return engine::check(m, good.home);
+    Position at;
+    at.y = good.home;
+    return engine::check(m, at);
   };
   const auto is = [](const engine::Check& check, Flaw flaw, int part) {
     return check.flaw == flaw && check.part == part;
