@@ -51,6 +51,8 @@ struct Shape<T[N]> : Shape<T> {
 };
 template <class T, std::size_t N>
 struct Shape<std::array<T, N>> : Shape<T[N]> {};
+template <>
+struct Shape<Vec3> : Shape<Real[3]> {};
 
 template <class T>
 constexpr Field field(const char* name, std::size_t offset) {
