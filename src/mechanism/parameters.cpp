@@ -213,7 +213,8 @@ void Readings::described_columns(int closure) {
       enter_closure(closure, column(of.exchanged ? anchor_hinge_x : base_hinge_x) + k,
                     d.dot(R_b * turned_only(Vec3::Unit(k), of.normal)));
   }
-  if (!of.plane && of.driven < 0) enter_closure(closure, column(length), -of.length);
+  if (!of.plane)
+    enter_closure(closure, column(length), -engine::length_of(built.mechanism, at, closure));
 }
 
 void Readings::parameter_columns(Real* H_xi) {

@@ -180,7 +180,7 @@ void bind_robot(nb::module_& m) {
                  found.flaw == engine::Flaw::none || found.flaw >= engine::Flaw::open;
              for (int i = 0; i < robot.mechanism.closures && closed; ++i)
                gap.push_back(engine::gap(robot.mechanism, at, i));
-             return std::tuple(
+             return nb::make_tuple(
                  static_cast<int>(found.flaw), found.part, found.amount, gap,
                  std::vector(at.y.begin(), at.y.begin() + (closed ? robot.mechanism.freedoms : 0)));
            })
