@@ -84,12 +84,15 @@ TEST_EACH(for_each_described, "H_x and H_xi are the derivatives of every reading
         CHECK_NEAR(at.H_x[k][j], slope[k], 1e-7 * (1 + std::fabs(slope[k])));
     }
     for (int column = 0; column < width; ++column) {
-      const int of = column - chain_column(0);
-      const bool eccentric =
-          of < motors * kChainParameters && motors == 3 &&
-          of % kChainParameters >= static_cast<int>(ChainParameter::eccentricity_c1) &&
-          of % kChainParameters <= static_cast<int>(ChainParameter::eccentricity_s2);
-      if (eccentric) continue;  // no shaft
+      const int of = column % kChainParameters;
+      const auto is = [&](ChainParameter p) { return of == static_cast<int>(p); };
+      const bool turns = robot.chain[0].actuator == Actuator::revolute;
+      const bool shaft = is(ChainParameter::eccentricity_c1) ||
+                         is(ChainParameter::eccentricity_s1) ||
+                         is(ChainParameter::eccentricity_c2) || is(ChainParameter::eccentricity_s2);
+      if (column < motors * kChainParameters &&
+          (turns ? is(ChainParameter::encoder_buildup) : shaft))
+        continue;  // only a shaft is off its centre, only a slide's line builds up
       const Extended slope = derivative([&](double h) {
         std::vector<double> changed = xi;
         changed[column] += h;
