@@ -10,7 +10,7 @@
 #include "mechanism/angles_of.hpp"
 #include "mechanism/gyro.hpp"
 #include "python/for_rows.hpp"
-#include "python/known.hpp"
+#include "python/held.hpp"
 #include "simulation/plant.hpp"
 #include "simulation/statics.hpp"
 #include "simulation/stretch.hpp"
@@ -55,6 +55,8 @@ struct Row : Common {
       double* to = out[m];
       for (std::size_t line = 0; line < call.shapes[m][0]; ++line)
         to = std::copy_n(values[line].begin(), call.shapes[m][1], to);
+    } else if constexpr (std::is_same_v<Values, double>) {
+      *out[m] = values;
     } else {
       std::size_t count = 1;
       for (const std::size_t extent : call.shapes[m]) count *= extent;
@@ -63,28 +65,65 @@ struct Row : Common {
   }
 };
 
-template <class Result>
-using AtLevel = Outcome (*)(Level, const Robot&, const Coordinates&, Result&);
-template <class Result>
-constexpr AtLevel<Result> at_level(AtLevel<Result> f) {
+/// How many of a row's arrays, numbers and results the parameters so far have taken.
+struct Taken {
+  std::size_t in = 0, number = 0, out = 0;
+};
+
+template <class P>
+constexpr bool is_result =
+    std::is_lvalue_reference_v<P> && !std::is_const_v<std::remove_reference_t<P>>;
+
+/// What a parameter of type P of a core function is at a row: the robot, the level, the next
+/// array's row, as a pose of it, the next number, or room for the next result.
+template <class P, class T = std::remove_cvref_t<P>>
+decltype(auto) argument(const Row& r, Taken& taken) {
+  if constexpr (std::is_same_v<T, Robot>)
+    return *r.robot;
+  else if constexpr (std::is_same_v<T, Level>)
+    return Level{r.level};
+  else if constexpr (is_result<P>)
+    return T{};
+  else if constexpr (std::is_same_v<T, double>)
+    return double{r.call.number[taken.number++]};
+  else if constexpr (std::is_same_v<T, Pose>)
+    return r.pose(taken.in++);
+  else
+    return r.of<T>(taken.in++);
+}
+
+/// A core function by its parameters' types: constant ones are taken, the others are its results.
+template <auto f>
+Outcome of(const Row& r) {
+  const auto at = [&]<class R, class... P>(R (*)(P...)) {
+    Taken taken;
+    std::tuple<decltype(argument<P>(r, taken))...> all{argument<P>(r, taken)...};
+    return std::apply(
+        [&](auto&... each) {
+          Outcome outcome;
+          if constexpr (std::is_void_v<R>)
+            f(each...);
+          else
+            outcome = f(each...);
+          const auto give = [&]<class Each>(const auto& value) {
+            if constexpr (is_result<Each>) r.give(taken.out++, value);
+          };
+          (give.template operator()<P>(each), ...);
+          return outcome;
+        },
+        all);
+  };
+  return at(+f);
+}
+
+/// The function for both levels, of several of one name.
+template <class X, class Result>
+constexpr auto at_level(Outcome (*f)(Level, const Robot&, const X&, Result&)) {
   return f;
 }
 
-/// A function of a pose's coordinates with one result.
-template <class Result, auto f>
-Outcome of_x(const Row& r) {
-  Result result{};
-  Outcome outcome;
-  if constexpr (requires { f(r.level, *r.robot, r.x(), result); })
-    outcome = f(r.level, *r.robot, r.x(), result);
-  else
-    outcome = f(*r.robot, r.x(), result);
-  r.give(0, result);
-  return outcome;
-}
-
 /// A function. `shapes` of its results' rows, a word each: n freedoms, m motors, e readings, r
-/// sensors, p parameters, d = 2 m, c = 1 + m, h hidden motions, b bodies, l closures, g of a
+/// sensors, p parameters, d = 2 m, h hidden motions, b bodies, l closures, g of a
 /// registration; - a number.
 struct RowFunction {
   const char* name;
@@ -105,40 +144,23 @@ const RowFunction kFunctions[] = {
        r.give(0, q);
        return outcome;
      }},
-    {"rkm", "r", of_x<Reading, at_level<Reading>(rkm)>},
-    {"fkm", "n",  // (robot, q, guess, full)
-     [](const Row& r) -> Outcome {
-       Coordinates x = r.x(1);
-       const Outcome outcome = fkm(r.level, *r.robot, r.of<Joint>(0), x);
-       r.give(0, x);
-       return outcome;
-     }},
-    {"parasitic", "h", of_x<Coordinates, parasitic>},
-    {"jacobian", "nm", of_x<JointMatrix, at_level<JointMatrix>(jacobian)>},
-    {"gyro", "3n", of_x<GyroRows, gyro>},
+    {"rkm", "r", of<at_level(rkm)>},
+    {"fkm", "n",
+     of<[](Level level, const Robot& robot, const Joint& q, const Coordinates& guess,
+           Coordinates& x) {
+       x = guess;
+       return fkm(level, robot, q, x);
+     }>},
+    {"parasitic", "h", of<parasitic>},
+    {"jacobian", "nm", of<at_level(jacobian)>},
+    {"gyro", "3n", of<gyro>},
     {"redundant_fkm", "n",
-     [](const Row& r) {
-       Coordinates x{};
-       const Outcome outcome = redundant_fkm(*r.robot, r.of<Extended>(0), x);
-       r.give(0, x);
-       return outcome;
-     }},
-    {"tej", "em me",  // (robot, x, band)
-     [](const Row& r) {
-       ExtendedColumns M;
-       ExtendedRows M_plus;
-       const Outcome outcome = tej(*r.robot, r.x(), M, M_plus, r.call.number[0]);
-       r.give(0, M), r.give(1, M_plus);
-       return outcome;
-     }},
-    {"conditioning", "c",  // type 2, then type 1 of each chain
-     [](const Row& r) {
-       Joint serial{};
-       const Outcome outcome = conditioning(*r.robot, r.x(), *r.out[0], serial);
-       std::copy_n(serial.begin(), r.m, r.out[0] + 1);
-       return outcome;
-     }},
-    {"linearise", "en ep",  // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
+     of<static_cast<Outcome (*)(const Robot&, const Extended&, Coordinates&)>(redundant_fkm)>},
+    {"tej", "em me",
+     of<[](const Robot& robot, const Coordinates& x, double band, ExtendedColumns& M,
+           ExtendedRows& M_plus) { return tej(robot, x, M, M_plus, band); }>},
+    {"conditioning", "- m", of<conditioning>},  // type 2, then type 1 of each chain
+    {"linearise", "en ep",                      // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
      [](const Row& r) {
        Extended q_e;
        PoseRows H_x;
@@ -208,18 +230,12 @@ const RowFunction kFunctions[] = {
        *r.out[0] = shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
        return Outcome{};
      }},
-    {"fastest", "e", of_x<Extended, fastest>},
+    {"fastest", "e", of<fastest>},
     // Orientations
     {"rotations", "33",
-     [](const Row& r) {
-       r.give(0, Mat3(exp_so3(r.of<Vec3>(0)).transpose()));
-       return Outcome{};
-     }},
+     of<[](const Vec3& vector, Mat3& columns) { columns = exp_so3(vector).transpose(); }>},
     {"rotation_vectors", "3",
-     [](const Row& r) {
-       r.give(0, log_so3(r.rotation(0)));
-       return Outcome{};
-     }},
+     of<[](const Mat3& columns, Vec3& vector) { vector = log_so3(columns.transpose()); }>},
     {"frames", "44",  // (robot, x, tilt (N, 3): rotation not in x; with a θ, about x, y)
      [](const Row& r) {
        Pose pose;
@@ -247,57 +263,35 @@ const RowFunction kFunctions[] = {
        return Outcome{};
      }},
     // Dynamics
-    {"mass_matrix", "nn",
-     [](const Row& r) {
-       PoseMatrix mass;
-       const Outcome outcome = mass_matrix(*r.robot, r.pose(), mass);
-       r.give(0, mass);
+    {"mass_matrix", "nn", of<mass_matrix>},
+    {"inverse_dynamics", "m",
+     of<static_cast<Outcome (*)(const Robot&, const Pose&, const Coordinates&, const Coordinates&,
+                                Joint&)>(inverse_dynamics)>},
+    {"acceleration", "n", of<forward_dynamics>},
+    {"setpoint", "n n n",  // of a straight quintic move
+     of<[](const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
+           double time, Coordinates& x, Coordinates& rate, Coordinates& acceleration) {
+       const Setpoint at = quintic(robot.mobility, from, to, duration, time);
+       x = at.x, rate = at.rate, acceleration = at.acceleration;
+     }>},
+    {"advance", "n n",  // of the reduced model
+     of<[](const Robot& robot, const Pose& x, const Coordinates& rate, const Joint& torque,
+           double duration, double steps, Coordinates& to, Coordinates& fast) {
+       PlantState state{x, rate};
+       const Outcome outcome = advance(robot, torque, duration, static_cast<int>(steps), state);
+       to = to_coordinates(robot.mobility, state.pose), fast = state.rate;
        return outcome;
-     }},
-    {"inverse_dynamics", "m",  // (robot, x, rate, acceleration)
-     [](const Row& r) {
-       Joint torque{};
-       const Outcome outcome = inverse_dynamics(*r.robot, r.pose(), r.x(1), r.x(2), torque);
-       r.give(0, torque);
-       return outcome;
-     }},
-    {"acceleration", "n",  // (robot, x, rate, torque)
-     [](const Row& r) {
-       Coordinates acceleration{};
-       const Outcome outcome =
-           forward_dynamics(*r.robot, r.pose(), r.x(1), r.of<Joint>(2), acceleration);
-       r.give(0, acceleration);
-       return outcome;
-     }},
-    {"setpoint", "n n n",  // (robot, from, to, duration, time): of a straight quintic move
-     [](const Row& r) {
-       const Setpoint at =
-           quintic(r.robot->mobility, r.x(), r.x(1), r.call.number[0], r.call.number[1]);
-       r.give(0, at.x), r.give(1, at.rate), r.give(2, at.acceleration);
-       return Outcome{};
-     }},
-    {"advance", "n n",  // (robot, x, rate, torque, duration, steps): of the reduced model
-     [](const Row& r) {
-       PlantState state{r.pose(), r.x(1)};
-       const Outcome outcome = advance(*r.robot, r.of<Joint>(2), r.call.number[0],
-                                       static_cast<int>(r.call.number[1]), state);
-       r.give(0, to_coordinates(r.robot->mobility, state.pose)), r.give(1, state.rate);
-       return outcome;
-     }},
+     }>},
     // Readings and what is known: (robot, known, …)
-    {"innovation", "e",  // (robot, q_e, expected): difference without whole turns of a joint
-     [](const Row& r) {
-       Extended difference{};
-       innovation(*r.robot, r.of<Extended>(0), r.of<Extended>(1), difference);
-       r.give(0, difference);
-       return Outcome{};
-     }},
-    {"leakage", "ne",  // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
+    {"innovation", "e",
+     of<static_cast<void (*)(const Robot&, const Extended&, const Extended&, Extended&)>(
+         innovation)>},  // q_e less expected, without whole turns of a joint
+    {"leakage", "ne",    // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
      [](const Row& r) {
        const Weights weights(*r.robot, r.known);
        PoseColumns leak{};
        const Outcome outcome =
-           leakage(*r.robot, Law{static_cast<int>(r.call.number[0])}, r.x(), leak, weights.view());
+           leakage(*r.robot, Law{static_cast<int>(r.call.number[0])}, r.x(), leak, weights);
        r.give(0, leak);
        return outcome;
      }},
@@ -331,8 +325,8 @@ const RowFunction kFunctions[] = {
     {"seen", "n n nn ng -",
      [](const Row& r) {
        const Mobility mobility = r.robot->mobility;
-       const auto frame = [&](std::size_t k) { return frame_of({4, 4, r.call.in[k].data()}); };
-       const Seen at = seen(mobility, {frame(0), frame(1)}, r.pose(2));
+       const Registration by{frame_of(r.call.in[0].data()), frame_of(r.call.in[1].data())};
+       const Seen at = seen(mobility, by, r.pose(2));
        const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
        r.give(0, to_coordinates(mobility, {at.p, at.Q, theta}));
        r.give(1, innovation(mobility, at, r.x(3).data()));
@@ -344,7 +338,6 @@ const RowFunction kFunctions[] = {
 };
 
 nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwargs& kwargs) {
-  const nb::module_ numpy = nb::module_::import_("numpy");
   Call with;
   const auto take = [&](nb::handle given) {
     if (given.is_none()) return;
@@ -357,7 +350,7 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
     } else if (PyFloat_Check(given.ptr()) || PyLong_Check(given.ptr())) {
       with.number.push_back(nb::cast<double>(given));
     } else {
-      nb::object array = numpy.attr("ascontiguousarray")(given, "double");
+      nb::object array = numpy("ascontiguousarray")(given, "double");
       if (nb::cast<int>(array.attr("ndim")) == 1) array = array.attr("reshape")(1, -1);
       with.in.push_back(nb::cast<Rows>(array));
     }
@@ -388,7 +381,6 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
       case 'r': more(r); break;
       case 'p': more(p); break;
       case 'd': more(2 * m); break;
-      case 'c': more(1 + m); break;
       case 'h': more(hidden); break;
       case 'b': more(with.robot->mechanism.bodies); break;
       case 'l': more(with.robot->mechanism.closures); break;

@@ -139,14 +139,14 @@ void bind_robot(nb::module_& m) {
            })
       .def("drawn_parameters",
            [](const Robot& drawn) {
-             Owned<double> xi({parameters_of(drawn)});
-             require(drawn_parameters(drawn, xi[0]));
-             return xi.release();
+             std::vector<double> xi(parameters_of(drawn));
+             require(drawn_parameters(drawn, xi.data()));
+             return xi;
            })
       .def("with_parameters",
-           [](const Robot& drawn, const Row& xi) {
+           [](const Robot& drawn, const std::vector<double>& xi) {
              Robot robot = drawn;
-             if (xi.shape(0) != parameters_of(drawn))
+             if (xi.size() != parameters_of(drawn))
                throw nb::value_error("one value for each column");
              require(set_parameters(drawn, xi.data(), robot));
              static_cast<void>(note_assembly(robot));
@@ -207,7 +207,7 @@ nb::tuple type_of(const c::Field& field) {
 /// An array of this type in a copy of the memory.
 nb::object array_of(const nb::object& shape, const nb::object& type, const void* memory,
                     std::size_t size) {
-  return nb::module_::import_("numpy").attr("ndarray")(shape, type, nb::bytes(memory, size));
+  return numpy("ndarray")(shape, type, nb::bytes(memory, size));
 }
 }  // namespace
 
@@ -219,10 +219,11 @@ nb::object get_member(nb::handle self, const c::Field& field) {
 }
 
 void set_member(nb::handle self, const c::Field& field, nb::handle value) {
-  std::vector<double> numbers(static_cast<std::size_t>(field.count()));
-  const nb::object dimensions = nb::module_::import_("numpy").attr("ndim")(value);
-  bool good = (field.rows > 0) == (nb::cast<int>(dimensions) > 0) &&
-              take_numbers(value, numbers.data(), numbers.size());
+  const auto count = static_cast<std::size_t>(field.count());
+  std::vector<double> numbers;
+  bool good = (field.rows > 0) == (nb::cast<int>(numpy("ndim")(value)) > 0) &&
+              taken(value, numbers) && numbers.size() <= count;
+  numbers.resize(count);
   for (const double number : numbers)
     good = good && (field.numbers == c::Numbers::real || number == std::trunc(number));
   if (!good) throw nb::type_error(field.name);

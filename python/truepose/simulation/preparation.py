@@ -36,8 +36,7 @@ class Prepared(NamedTuple):
     """A robot ready to be simulated."""
 
     truth: Robot  #: with its effects at that time
-    first: tuple  #: arguments of the core's functions before the motion
-    last: tuple  #: and after it: integration steps per period, true pose at the start, seed
+    loop: _core.Simulation
     limits: SafetyLimits | None = None  #: of the safety shell
 
 
@@ -81,9 +80,9 @@ def prepare(
     limits = None if run.safety is None else run.safety.limits(robot, controller)
     shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     belief = (believed.core, truth.core, gains, known)
-    first = (*belief, plant, filtered, wrong, fault_setup, slow, events)
-    last = (steps, at_rest[0], check_seed(seed))
-    return Prepared(truth, (*first, shell), last, limits)
+    more = (plant, filtered, wrong, fault_setup, slow, events, shell)
+    loop = _core.Simulation(*belief, *more, steps, at_rest[0], check_seed(seed))
+    return Prepared(truth, loop, limits)
 
 
 def controller_of(

@@ -151,12 +151,13 @@ class _Drive:
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
         self.stopped = ""
-        self.state: Any = _core.ControlState()
-        if self.limits:
-            self.state = _core.SafeControl(_core.Safety(self.limits.core, self.limits.counter))
+        limits = self.limits
+        shell = _core.Safety(limits.core, limits.counter) if limits else None
+        self.state = _core.ExternalControl(shell)
+        if limits:
             cycle = 0
             while not self.state.report.follows:  # the brakes hold the robot
-                if cycle > _START + self.limits.core.brake / self.period:
+                if cycle > _START + limits.core.brake / self.period:
                     raise not_started(self.robot, self.state.report.cause)
                 began = cycle >= _WAITS, cycle > _WAITS
                 self._step(self.at, 0.0, self._read()[0], begins=began)
@@ -237,8 +238,7 @@ class _Drive:
             return status
         if self.limits:
             self._brake(time)
-        given = self.state.report if self.limits else self.state
-        torque = given.torque[: self.robot.m]
+        torque = self.state.torque[: self.robot.m]
         applied, self.pending = (self.pending if effects.delay else torque), torque
         ripple = np.sin(_RIPPLES * body.positions()[0] + self.plant.ripple_phase)
         body.data.ctrl[:] = applied * (1 + effects.torque_ripple * ripple)
