@@ -187,8 +187,9 @@ void Readings::joint_columns(int body, int first) {
                     ? along(phi * (R * turned))
                     : about(R * (std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned))));
   }
-  enter_twist(body, first + static_cast<int>(AxisParameter::zero),
-              slides ? along(R * d) : about(R * d));
+  if (is_mechanism(robot.mobility))
+    enter_twist(body, first + static_cast<int>(AxisParameter::zero),
+                slides ? along(R * d) : about(R * d));
 }
 
 /// Parameters of a described closure, in one of its equations: its ends, its length, its hinge.

@@ -1,7 +1,6 @@
 // Robots described by bodies and closures: kinematics, readings and their derivatives.
+#include "control/law.hpp"
 #include "described.hpp"
-#include "estimation/estimate.hpp"
-#include "estimation/linearise.hpp"
 #include "mechanism/geometry.hpp"
 
 using namespace mechanisms_described;
@@ -120,6 +119,25 @@ TEST_EACH(for_each_described,
         estimate(Level::ideal, robot, known, read_at(robot, pose).q_e, found, work.data());
     CHECK(best);
     for (int j = 0; j < n; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-9);
+  }
+}
+
+TEST_EACH(for_each_described, "every law corrects small errors of the motors by all readings") {
+  const Robot& robot = mechanism.robot;
+  Knowledge known;
+  known.sigma.fill(1e-5);
+  std::vector<double> work(estimate_work(robot, 0));
+  const Weighing weighing{&known, work.data()};
+  check::Random random(144);
+  for (const LawProperties& law : kLawTable) {
+    const Coordinates x = random_pose(mechanism, random);
+    Coordinates step{}, there = x;
+    for (int j = 0; j < n; ++j) there[j] += step[j] = 1e-7 * random();
+    Joint q{}, error{};
+    CHECK(ikm(Level::ideal, robot, x, q));
+    const Extended q_e = read_at(robot, to_pose(K, there)).q_e;
+    CHECK(motor_error(robot, law.law, x, q_e, error, 0, weighing));
+    for (int i = 0; i < motors; ++i) CHECK_NEAR(error[i], q[i] - q_e[i], 1e-11);
   }
 }
 
