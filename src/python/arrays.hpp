@@ -28,15 +28,16 @@ inline nb::object numpy(const char* name) { return nb::module_::import_("numpy")
 
 /// Extents of an array; the first is the number of rows.
 using Shape = std::vector<std::size_t>;
+inline std::size_t numbers(const Shape& shape) {
+  return std::accumulate(shape.begin(), shape.end(), std::size_t{1}, std::multiplies<>());
+}
 
 /// A new numpy array, uninitialised: its creator fills it. numpy requests huge pages, without which
 /// the first access to a large result takes longer than its computation.
 template <class T>
 class Owned {
  public:
-  explicit Owned(const Shape& shape)
-      : width(
-            std::accumulate(shape.begin() + 1, shape.end(), std::size_t{1}, std::multiplies<>())) {
+  explicit Owned(const Shape& shape) : width(numbers({shape.begin() + 1, shape.end()})) {
     nb::list extents;
     for (const std::size_t extent : shape) extents.append(extent);
     constexpr const char* dtype = std::is_same_v<T, bool>  ? "bool"

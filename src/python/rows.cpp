@@ -48,41 +48,43 @@ struct Row : Common {
   Pose pose(std::size_t k = 0) const { return to_pose(robot->mobility, x(k)); }
   Mat3 rotation(std::size_t k) const { return of<Mat3>(k).transpose(); }
   double* work() const { return scratch(estimate_work(*robot, known->view().count)).data(); }
-  /// Writes result m: a vector, a whole matrix, or the used part of one.
+  /// Writes the results: numbers, vectors, whole matrices, or the used parts of those; a pointer
+  /// is of one that is already there.
+  template <class... Values>
+  Outcome give(Outcome outcome, const Values&... values) const {
+    std::size_t m = 0;
+    (write(m++, values), ...);
+    return outcome;
+  }
   template <class Values>
-  void give(std::size_t m, const Values& values) const {
-    if constexpr (requires { values[0][0]; }) {
-      double* to = out[m];
-      for (std::size_t line = 0; line < call.shapes[m][0]; ++line)
-        to = std::copy_n(values[line].begin(), call.shapes[m][1], to);
-    } else if constexpr (std::is_same_v<Values, double>) {
-      *out[m] = values;
-    } else {
-      std::size_t count = 1;
-      for (const std::size_t extent : call.shapes[m]) count *= extent;
-      std::copy_n(values.data(), count, out[m]);
+  void write(std::size_t m, const Values& values) const {
+    const Shape& shape = call.shapes[m];
+    double* to = out[m];
+    if constexpr (std::is_same_v<Values, double>) {
+      *to = values;
+    } else if constexpr (requires { values[0][0]; }) {
+      for (std::size_t line = 0; line < shape[0]; ++line)
+        to = std::copy_n(values[line].begin(), shape[1], to);
+    } else if constexpr (!std::is_pointer_v<Values>) {
+      std::copy_n(values.data(), numbers(shape), to);
     }
   }
 };
 
-/// How many of a row's arrays, numbers and results the parameters so far have taken.
+/// How many of a row's arrays and numbers the parameters so far have taken.
 struct Taken {
-  std::size_t in = 0, number = 0, out = 0;
+  std::size_t in = 0, number = 0;
 };
 
-template <class P>
-constexpr bool is_result =
-    std::is_lvalue_reference_v<P> && !std::is_const_v<std::remove_reference_t<P>>;
-
 /// What a parameter of type P of a core function is at a row: the robot, the level, the next
-/// array's row, as a pose of it, the next number, or room for the next result.
+/// array's row, as a pose of it, the next number, or room for a result.
 template <class P, class T = std::remove_cvref_t<P>>
 decltype(auto) argument(const Row& r, Taken& taken) {
   if constexpr (std::is_same_v<T, Robot>)
     return *r.robot;
   else if constexpr (std::is_same_v<T, Level>)
     return Level{r.level};
-  else if constexpr (is_result<P>)
+  else if constexpr (std::is_same_v<P, T&>)
     return T{};
   else if constexpr (std::is_same_v<T, double>)
     return double{r.call.number[taken.number++]};
@@ -95,25 +97,22 @@ decltype(auto) argument(const Row& r, Taken& taken) {
 /// A core function by its parameters' types: constant ones are taken, the others are its results.
 template <auto f>
 Outcome of(const Row& r) {
-  const auto at = [&]<class R, class... P>(R (*)(P...)) {
+  return [&]<class R, class... P>(R (*)(P...)) {
     Taken taken;
     std::tuple<decltype(argument<P>(r, taken))...> all{argument<P>(r, taken)...};
-    return std::apply(
-        [&](auto&... each) {
-          Outcome outcome;
-          if constexpr (std::is_void_v<R>)
-            f(each...);
-          else
-            outcome = f(each...);
-          const auto give = [&]<class Each>(const auto& value) {
-            if constexpr (is_result<Each>) r.give(taken.out++, value);
-          };
-          (give.template operator()<P>(each), ...);
-          return outcome;
-        },
-        all);
-  };
-  return at(+f);
+    Outcome outcome;
+    if constexpr (std::is_void_v<R>)
+      std::apply(f, all);
+    else
+      outcome = std::apply(f, all);
+    std::size_t m = 0;
+    const auto write = [&]<class Each>(const std::remove_reference_t<Each>& value) {
+      if constexpr (!std::is_const_v<std::remove_reference_t<Each>> && std::is_reference_v<Each>)
+        r.write(m++, value);
+    };
+    std::apply([&](const auto&... each) { (write.template operator()<P>(each), ...); }, all);
+    return outcome;
+  }(+f);
 }
 
 /// The function for both levels, of several of one name.
@@ -139,10 +138,8 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
        Joint q{};
-       const Outcome outcome =
-           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q);
-       r.give(0, q);
-       return outcome;
+       return r.give(
+           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q), q);
      }},
     {"rkm", "r", of<at_level(rkm)>},
     {"fkm", "n",
@@ -164,9 +161,7 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        Extended q_e;
        PoseRows H_x;
-       const Outcome outcome = linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]);
-       r.give(0, H_x);
-       return outcome;
+       return r.give(linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]), H_x, r.out[1]);
      }},
     // (robot, x, compliance, arms, force (N, 3), measured tension (N, m) or NaN, full): readings,
     // their derivatives by the compliances of every chain and then of every arm, tensions
@@ -178,13 +173,12 @@ const RowFunction kFunctions[] = {
        const Outcome outcome =
            under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
                       scratch(r.e * parameter_count(*r.robot)).data(), at);
-       r.give(0, at.q_e), r.give(2, at.tension);
        for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
          for (std::size_t k = 0; k < m; ++k) {
            r.out[1][2 * m * c + k] = at.by_compliance[c][k];
            r.out[1][2 * m * c + m + k] = c == k ? at.by_arm[k] : 0;
          }
-       return outcome;
+       return r.give(outcome, at.q_e, r.out[1], at.tension);
      }},
     {"skeleton", "m43",  // points P, B, A and c of every chain, for drawings
      [](const Row& r) {
@@ -227,8 +221,7 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        const Pose pose = placed(*r.robot, r.pose());
        const Chain& of = r.robot->chain.at(static_cast<std::size_t>(r.call.number[0]));
-       *r.out[0] = shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
-       return Outcome{};
+       return r.give({}, shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base));
      }},
     {"fastest", "e", of<fastest>},
     // Orientations
@@ -259,8 +252,7 @@ const RowFunction kFunctions[] = {
          angles_of(*r.robot, pose, angles);
          pose = angles;
        }
-       r.give(0, to_coordinates(mobility, pose));
-       return Outcome{};
+       return r.give({}, to_coordinates(mobility, pose));
      }},
     // Dynamics
     {"mass_matrix", "nn", of<mass_matrix>},
@@ -290,20 +282,16 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        const Weights weights(*r.robot, r.known);
        PoseColumns leak{};
-       const Outcome outcome =
-           leakage(*r.robot, Law{static_cast<int>(r.call.number[0])}, r.x(), leak, weights);
-       r.give(0, leak);
-       return outcome;
+       const Law law{static_cast<int>(r.call.number[0])};
+       return r.give(leakage(*r.robot, law, r.x(), leak, weights), leak);
      }},
     {"estimate", "n nn -",  // (robot, known, q_e, guess, full)
      [](const Row& r) {
        Pose pose = r.pose(1);
        const Estimate found =
            estimate(r.level, *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
-       r.give(0, to_coordinates(r.robot->mobility, pose));
-       r.give(1, found.covariance);
-       *r.out[2] = found.chi2;
-       return found.outcome;
+       return r.give(found.outcome, to_coordinates(r.robot->mobility, pose), found.covariance,
+                     found.chi2);
      },
      kFewRowsPerThread},
     // (robot, known, x, full, influence (N, e × count)), whose amounts are the last entries of the
@@ -312,12 +300,11 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        double* work = r.work();
        Fused fusion;
-       const Outcome outcome =
-           fused(r.level, *r.robot, r.known->view(), r.pose(),
-                 influences_at(*r.robot, r.call.in.size() > 1 ? &r.call.in[1] : nullptr, r.i), work,
-                 work + r.e * parameter_count(*r.robot), fusion);
-       r.give(0, fusion.gain), r.give(1, fusion.tej);
-       return outcome;
+       const Rows* influence = r.call.in.size() > 1 ? &r.call.in[1] : nullptr;
+       return r.give(fused(r.level, *r.robot, r.known->view(), r.pose(),
+                           influences_at(*r.robot, influence, r.i), work,
+                           work + r.e * parameter_count(*r.robot), fusion),
+                     fusion.gain, fusion.tej);
      },
      kFewRowsPerThread},
     // (robot, base, marker, x, measured): expected tracker coordinates, measured minus expected,
@@ -328,19 +315,16 @@ const RowFunction kFunctions[] = {
        const Registration by{frame_of(r.call.in[0].data()), frame_of(r.call.in[1].data())};
        const Seen at = seen(mobility, by, r.pose(2));
        const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
-       r.give(0, to_coordinates(mobility, {at.p, at.Q, theta}));
-       r.give(1, innovation(mobility, at, r.x(3).data()));
-       r.give(2, at.H_x), r.give(3, at.H);
-       *r.out[4] = at.blunt;
-       return Outcome{};
+       return r.give({}, to_coordinates(mobility, {at.p, at.Q, theta}),
+                     innovation(mobility, at, r.x(3).data()), at.H_x, at.H, at.blunt);
      },
      kRowsPerThread, 2},
 };
 
-nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwargs& kwargs) {
+nb::tuple call(const RowFunction& function, const nb::args& args) {
   Call with;
-  const auto take = [&](nb::handle given) {
-    if (given.is_none()) return;
+  for (nb::handle given : args) {
+    if (given.is_none()) continue;
     if (nb::isinstance<Robot>(given)) {
       with.robot = nb::inst_ptr<Robot>(given);
     } else if (nb::isinstance<Known>(given)) {
@@ -354,9 +338,7 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
       if (nb::cast<int>(array.attr("ndim")) == 1) array = array.attr("reshape")(1, -1);
       with.in.push_back(nb::cast<Rows>(array));
     }
-  };
-  for (nb::handle given : args) take(given);
-  for (auto [name, given] : kwargs) take(given);
+  }
   int n = 0, m = 0, r = 0, p = 0, hidden = 0;
   with.level = level(!with.flag.empty() && with.flag[0]);
   if (with.robot) {
@@ -399,13 +381,9 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
 
 void bind_rows(nb::module_& m) {
   for (const RowFunction& function : kFunctions) {
-    const std::string signature =
-        std::string("def ") + function.name + "(*args, **kwargs) -> tuple";
+    const std::string signature = std::string("def ") + function.name + "(*args) -> tuple";
     m.def(
-        function.name,
-        [&function](const nb::args& args, const nb::kwargs& kwargs) {
-          return call(function, args, kwargs);
-        },
+        function.name, [&function](const nb::args& args) { return call(function, args); },
         nb::sig(signature.c_str()));
   }
 }

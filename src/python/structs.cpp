@@ -9,11 +9,6 @@
 
 namespace truepose::python {
 namespace {
-template <class T>
-T& at(nb::handle self, int offset) {
-  return *reinterpret_cast<T*>(nb::inst_ptr<char>(self) + offset);
-}
-
 /// A row of a table as a Python object with attributes.
 template <class... Value>
 nb::object row_of(const char* const (&names)[sizeof...(Value)], const Value&... values) {
@@ -204,40 +199,27 @@ nb::tuple type_of(const c::Field& field) {
   return nb::make_tuple(number, nb::tuple(shape));
 }
 
-/// An array of this type in a copy of the memory.
-nb::object array_of(const nb::object& shape, const nb::object& type, const void* memory,
-                    std::size_t size) {
-  return numpy("ndarray")(shape, type, nb::bytes(memory, size));
+/// A member of a struct as an array in its memory.
+nb::object view(nb::handle self, const c::Field& field) {
+  char* memory = nb::inst_ptr<char>(self) + field.offset;
+  const nb::tuple type = type_of(field);
+  return numpy("ndarray")(
+      type[1], type[0],
+      nb::steal(PyMemoryView_FromMemory(memory, field.count() * field.width(), PyBUF_WRITE)));
 }
 }  // namespace
 
 nb::object get_member(nb::handle self, const c::Field& field) {
-  const nb::tuple type = type_of(field);
-  const auto size = static_cast<std::size_t>(field.count() * field.width());
-  const nb::object array = array_of(type[1], type[0], &at<char>(self, field.offset), size);
-  return array.attr(field.rows ? "copy" : "item")();
+  return view(self, field).attr(field.rows ? "copy" : "item")();
 }
 
 void set_member(nb::handle self, const c::Field& field, nb::handle value) {
-  const auto count = static_cast<std::size_t>(field.count());
-  std::vector<double> numbers;
-  bool good = (field.rows > 0) == (nb::cast<int>(numpy("ndim")(value)) > 0) &&
-              taken(value, numbers) && numbers.size() <= count;
-  numbers.resize(count);
-  for (const double number : numbers)
-    good = good && (field.numbers == c::Numbers::real || number == std::trunc(number));
-  if (!good) throw nb::type_error(field.name);
-  for (std::size_t k = 0; k < numbers.size(); ++k) {
-    const int offset = field.offset + static_cast<int>(k) * field.width();
-    switch (field.numbers) {
-      case c::Numbers::real: at<Real>(self, offset) = numbers[k]; break;
-      case c::Numbers::whole:
-        at<std::uint32_t>(self, offset) =
-            static_cast<std::uint32_t>(static_cast<std::int64_t>(numbers[k]));
-        break;
-      default: at<bool>(self, offset) = numbers[k] != 0;
-    }
-  }
+  const nb::object given = numpy("asarray")(value), all = view(self, field).attr("reshape")(-1);
+  if ((field.rows > 0) != (nb::cast<int>(given.attr("ndim")) > 0)) throw nb::type_error(field.name);
+  const nb::object numbers = given.attr("ravel")();
+  const nb::slice first(nb::int_(0), numbers.attr("size"), nb::none());
+  all.attr("fill")(0);
+  numpy("copyto")(all[first], numbers, "same_kind");
 }
 
 std::array<std::string, 2> signatures(const c::Field& field) {
@@ -256,7 +238,7 @@ nb::object records(const void* data, std::size_t count, std::size_t size, const 
   nb::dict type;
   type["names"] = names, type["formats"] = formats, type["offsets"] = offsets;
   type["itemsize"] = size;
-  return array_of(nb::make_tuple(count), type, data, count * size);
+  return numpy("ndarray")(count, type, nb::bytes(data, count * size));
 }
 
 void enumeration(nb::module_& m, const char* name, const std::vector<const char*>& members) {
