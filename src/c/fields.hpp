@@ -33,10 +33,11 @@ struct Field {
   }
 };
 
-/// A struct's table, and the size of the struct in C.
+/// A struct's table, the size of the struct in C, and its name in the core.
 struct Table {
   std::span<const Field> fields;
   int size;
+  const char* name = "";
 };
 
 namespace fields_detail {
@@ -85,7 +86,8 @@ constexpr bool complete(std::span<const Field> fields, std::size_t end) {
 template <class Core>
 struct Described;
 template <class Core>
-inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size};
+inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size,
+                                Described<Core>::name};
 
 #define TRUEPOSE_FIELD(C, Core, member) \
   fields_detail::field<decltype(C::member)>(#member, offsetof(C, member)),
@@ -103,6 +105,7 @@ inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size};
   struct Described<Core> {                                                                   \
     using type = C;                                                                          \
     static constexpr Field fields[] = {TRUEPOSE_EACH(TRUEPOSE_FIELD, C, Core, __VA_ARGS__)}; \
+    static constexpr const char* name = #Core;                                               \
     static constexpr int size = sizeof(C);                                                   \
   };                                                                                         \
   static_assert(std::is_trivially_copyable_v<Core> && sizeof(C) <= sizeof(Core));            \

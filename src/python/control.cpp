@@ -13,17 +13,18 @@ namespace {
 /// Steady-state poses, (N, n), with optional offsets `off` of the readings, (N, n + r), and faults;
 /// where there is none, whether the true robot, not the law, failed.
 auto settled(const Robot& nominal, const Robot& truth, const ControlSettings& control,
-             const Known* known, bool gravity, const Rows& x_d, const std::optional<Rows>& off,
-             const std::vector<Fault>& faults) {
+             Optional<const Known> known, bool gravity, const Rows& x_d,
+             const std::optional<Rows>& off, const std::vector<Fault>& faults) {
   const StaticsSettings settings{control, gravity};
   Owned<bool> by_truth({x_d.shape(0)});
   const nb::tuple found = batch(x_d.shape(0), {{x_d.shape(1)}}, [&](std::size_t i, auto& out) {
     *by_truth[i] = false;
     FaultyReadings lying(faults, control.period);
     Coordinates x{};
-    const Outcome outcome = settle(
-        nominal, truth, settings, row<Coordinates>(x_d, i), x, Weights(nominal, known),
-        off ? row<Extended>(*off, i) : Extended{}, by_truth[i], faults.empty() ? nullptr : &lying);
+    const Outcome outcome =
+        settle(nominal, truth, settings, row<Coordinates>(x_d, i), x,
+               Weights(nominal, known.value_or(nullptr)), off ? row<Extended>(*off, i) : Extended{},
+               by_truth[i], faults.empty() ? nullptr : &lying);
     std::copy_n(x.begin(), x_d.shape(1), out[0]);
     return outcome;
   });
@@ -96,12 +97,14 @@ struct ExternalControl {
   /// acknowledgement and start; these and the monitor only with a safety shell
   auto step(const Robot& robot, const ControlSettings& with, const Coordinates& x,
             const Coordinates& rate, const Coordinates& acceleration, Extended q_e,
-            const Known* known, Slow* slow, const FaultTolerantSetup* setup, bool frozen,
-            std::pair<bool, bool> begins) {
-    const Weights own(setup ? setup->robot : robot, setup ? &setup->known : known);
-    Multirate* late = slow && slow->known_late ? &slow->late : nullptr;
+            Optional<const Known> known, Optional<Slow> slow,
+            Optional<const FaultTolerantSetup> monitor, bool frozen, std::pair<bool, bool> begins) {
+    const FaultTolerantSetup* setup = monitor.value_or(nullptr);
+    const Weights own(setup ? setup->robot : robot,
+                      setup ? &setup->known : known.value_or(nullptr));
+    Multirate* late = slow && (*slow)->known_late ? &(*slow)->late : nullptr;
     Weighing weighing = own;
-    if (late && !setup) weighing = compensated(robot, own, *late, slow->known, q_e);
+    if (late && !setup) weighing = compensated(robot, own, *late, (*slow)->known, q_e);
     const Setpoint setpoint{x, rate, acceleration};
     if (!safety) return answered(control(robot, with, setpoint, q_e, state, weighing));
     Monitored monitored;
@@ -139,14 +142,9 @@ auto run_start(const Robot& robot, const Robot& truth, const ControlSettings& co
 }
 }  // namespace
 
-void bind_control(nb::module_& m) {
-  using namespace nb::literals;
-  m.def("settle", &settled, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "gravity"_a,
-        "x_d"_a, "off"_a = nb::none(), "faults"_a = std::vector<Fault>{});
-}
+void bind_control(nb::module_& m) { m.def("settle", &settled); }
 
 void bind_safety(nb::module_& m) {
-  using namespace nb::literals;
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&,
                     const MomentumSettings&, const Delays&>())
@@ -175,10 +173,7 @@ void bind_safety(nb::module_& m) {
         });
   nb::class_<ExternalControl>(m, "ExternalControl")
       .def(nb::init<const std::optional<Safety>&>())
-      .def("step", &ExternalControl::step, "robot"_a, "settings"_a, "x"_a, "rate"_a,
-           "acceleration"_a, "q_e"_a, "known"_a.none(), "slow"_a.none(),
-           "fault_setup"_a.none() = nb::none(), "frozen"_a = false,
-           "begins"_a = std::pair{false, false})
+      .def("step", &ExternalControl::step)
       .def("begin", [](ExternalControl& own) { own.clock = {}; })
       .def_prop_ro("time", [](const ExternalControl& own) { return own.clock.time; })
       .def_prop_ro("torque",

@@ -13,6 +13,10 @@
 #include "simulation/bus.hpp"
 
 namespace truepose::python {
+/// A Python object, or None.
+template <class T>
+using Optional = std::optional<T*>;
+
 /// Knowledge of a robot.
 struct Known {
   std::vector<int> column;

@@ -36,8 +36,8 @@ auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows&
 class Simulation {
  public:
   Simulation(const Robot& believed, const Robot& real, const ControlSettings& control,
-             const Known* known, const Effects& effects, Online* online,
-             const std::vector<Fault>& faults, const FaultTolerantSetup* setup,
+             Optional<const Known> known, const Effects& effects, Optional<Online> online,
+             const std::vector<Fault>& faults, Optional<const FaultTolerantSetup> monitor,
              const Lateness& delays, const std::vector<Event>& events,
              const std::optional<Safety>& safety, int steps, const Coordinates& start,
              std::uint64_t seed)
@@ -46,8 +46,9 @@ class Simulation {
         settings_(control),
         delays_(delays),
         safety_(safety),
-        weights_(nominal_, known),
-        monitor_weights_(setup ? setup->robot : nominal_, setup ? &setup->known : nullptr),
+        weights_(nominal_, known.value_or(nullptr)),
+        monitor_weights_(monitor ? (*monitor)->robot : nominal_,
+                         monitor ? &(*monitor)->known : nullptr),
         faults_(faults, control.period, seed),
         steps_(steps),
         start_(start),
@@ -58,15 +59,16 @@ class Simulation {
     if (safety_) extras_.safety = &*safety_;
     if (delays_.first) extras_.late = &*delays_.first;
     if (delays_.second) extras_.bus = &*delays_.second;
-    if (setup) {
-      fault_settings_ = setup->settings;
+    if (monitor) {
+      fault_settings_ = (*monitor)->settings;
       extras_.fault_settings = &fault_settings_;
     }
-    if (online == nullptr) return;
-    extras_.learner = &online->begin(nominal_);
-    weights_.weigh(nominal_, online->knowledge());
+    if (!online) return;
+    OnlineCalibrator& learner = (*online)->begin(nominal_);
+    extras_.learner = &learner;
+    weights_.weigh(nominal_, learner.knowledge());
     extras_.weighing = extras_.monitor_weighing = weights_;
-    fault_settings_.finest = &online->robot;
+    fault_settings_.finest = &learner.robot;
   }
 
   using OwnError = std::optional<nb::callable>;
@@ -88,27 +90,6 @@ class Simulation {
   const std::uint64_t seed_;
 };
 
-/// A setpoint between two of a path that is followed more slowly, by quintic Hermite polynomials.
-/// @param u  0 to 1 of the period T
-Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, double u, double T) {
-  const Pose start = to_pose(mobility, a.x);
-  const Coordinates whole = difference(mobility, to_pose(mobility, b.x), start);
-  Coordinates step{};
-  Setpoint found;
-  for (int i = 0; i < dof(mobility); ++i) {
-    const double v = T * a.rate[i], c = T * T * a.acceleration[i];
-    const double off = whole[i] - v - c / 2, faster = T * b.rate[i] - v - c;
-    const double harder = T * T * b.acceleration[i] - c;
-    const double c3 = 10 * off - 4 * faster + harder / 2, c4 = 7 * faster - 15 * off - harder;
-    const double c5 = 6 * off - 3 * faster + harder / 2;
-    step[i] = u * (v + u * (c / 2 + u * (c3 + u * (c4 + u * c5))));
-    found.rate[i] = (v + u * (c + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))) / T;
-    found.acceleration[i] = (c + u * (6 * c3 + u * (12 * c4 + u * 20 * c5))) / (T * T);
-  }
-  found.x = to_coordinates(mobility, moved(mobility, start, step));
-  return found;
-}
-
 /// One run from rest along any path: a row of each (N, n) array per period, interpolated where the
 /// robot slows down.
 /// @param error_of  a Python callable (x_d, q_e) -> motor error as the loop's law
@@ -121,9 +102,9 @@ nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& accele
   };
   const auto path = [&](double k) {
     const auto before = std::min(static_cast<std::size_t>(k), periods);
-    const double part = k - static_cast<double>(before);
-    if (part == 0 || before == periods) return at(before);
-    return between(nominal_.mobility, at(before), at(before + 1), part, settings_.period);
+    if (before == periods) return at(before);
+    return between(nominal_.mobility, at(before), at(before + 1), settings_.period,
+                   k - static_cast<double>(before));
   };
   if (error_of)
     extras_.law = [&](const Coordinates& x_d, const Extended& q_e) {
@@ -248,23 +229,17 @@ auto readings(const Robot& robot, const Frame& frame, const std::array<double, k
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
-  using namespace nb::literals;
-  nb::class_<Slow>(m, "Slow")
-      .def(nb::init<const Lateness&>())
-      .def("deliver", &Slow::deliver, "motors"_a, "q_e"_a);
+  nb::class_<Slow>(m, "Slow").def(nb::init<const Lateness&>()).def("deliver", &Slow::deliver);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
       .def("read", &faulty)
       .def("frozen", &FaultyReadings::frozen);
   nb::class_<Simulation>(m, "Simulation")
-      .def(nb::init<const Robot&, const Robot&, const ControlSettings&, const Known*,
-                    const Effects&, Online*, const std::vector<Fault>&, const FaultTolerantSetup*,
-                    const Lateness&, const std::vector<Event>&, const std::optional<Safety>&, int,
-                    const Coordinates&, std::uint64_t>(),
-           "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a, "online"_a.none(),
-           "faults"_a, "fault_setup"_a.none(), "late"_a, "events"_a, "safety"_a, "steps"_a,
-           "at_rest"_a, "seed"_a, nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(),
-           nb::keep_alive<1, 9>())
+      .def(nb::init<const Robot&, const Robot&, const ControlSettings&, Optional<const Known>,
+                    const Effects&, Optional<Online>, const std::vector<Fault>&,
+                    Optional<const FaultTolerantSetup>, const Lateness&, const std::vector<Event>&,
+                    const std::optional<Safety>&, int, const Coordinates&, std::uint64_t>(),
+           nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>())
       .def("follow", &Simulation::follow)
       .def("visit", &Simulation::visit);
   m.def("spoil", &batch_spoil);

@@ -250,10 +250,8 @@ void enumeration(nb::module_& m, const char* name, const std::vector<const char*
 
 void bind_structs(nb::module_& m) {
   bind_tables(m);
-  structure<Chain>(m, "Chain");
-  structure<Sensor>(m, "Sensor");
-  structure<Body>(m, "Body");
-  structure<PassiveAxis>(m, "PassiveAxis");
+  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MomentumSettings,
+             MultirateSettings, SafetyLimits, StartSettings, StartReport, SafetyReport>(m);
   structure<engine::Body>(
       m, "MechanismBody",
       TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));
@@ -262,17 +260,10 @@ void bind_structs(nb::module_& m) {
       TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, mode,
                        compliance, plane, normal, joint, exchanged));
   structure<FullLevel>(m, "FullLevel", TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess));
-  structure<ControlSettings>(m, "ControlSettings")
+  structure<ControlSettings>(m, "ControlSettings", c::table_of<ControlSettings>)
       .def("place_poles",
            [](ControlSettings& own, const Robot& robot, const Coordinates& x, double frequency,
               double damping) { return answered(place_poles(robot, x, frequency, damping, own)); });
-  structure<FaultMonitorSettings>(m, "FaultMonitorSettings");
-  structure<MomentumSettings>(m, "MomentumSettings");
-  structure<MultirateSettings>(m, "MultirateSettings");
-  structure<SafetyLimits>(m, "SafetyLimits");
-  structure<StartSettings>(m, "StartSettings");
-  structure<StartReport>(m, "StartReport");
-  structure<SafetyReport>(m, "SafetyReport");
   structure<Effects>(m, "Effects",
                      TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness,
                                       arm_damping, ripple, phase, delayed));

@@ -69,7 +69,8 @@ def prepare(
     believed, known = knowledge.for_law(robot, law)
     rows, loaded = start[None], controller.integral == 0
     model = believed if learn is None else learn.robot
-    at_rest, status, chain, _ = _core.settle(model.core, truth.core, gains, known, loaded, rows)
+    by = (model.core, truth.core, gains, known, loaded)
+    at_rest, status, chain, _ = _core.settle(*by, rows, None, [])
     require_answers(robot, "pose", rows, (), status, chain, "raise", name="start")
     if callable(controller.law):
         at_rest = steady_state(robot, truth, rows, controller, gravity=loaded, start=start)
