@@ -2,7 +2,7 @@
 #include "python/for_rows.hpp"
 
 #include <cmath>
-#include <exception>
+#include <future>
 #include <system_error>
 #include <thread>
 #if defined(__linux__)
@@ -45,28 +45,25 @@ void for_rows(std::size_t count, const std::function<void(std::size_t)>& f,
   const std::size_t threads = std::min(available_cores(), count / rows_per_thread);
   const std::size_t few = std::clamp<std::size_t>(rows_per_thread / 16, 1, kRowsPerThread / 16);
   std::atomic<std::size_t> next = 0;
-  const auto work = [&](auto&& between) {
+  const auto work = [&](auto between) {
     for (std::size_t start; (start = next.fetch_add(few)) < count;) {
       for (std::size_t i = start; i < std::min(start + few, count); ++i) f(i);
       between();
     }
   };
-  std::vector<std::thread> others;
-  others.reserve(threads);
-  while (others.size() + 1 < threads) try {
-      others.emplace_back(work, [] {});
-    } catch (const std::system_error&) {  // without a further thread the existing ones do the work
-      break;
-    }
-  std::exception_ptr stopped;
+  std::vector<std::future<void>> others;  // whose end waits for theirs
+  try {
+    while (others.size() + 1 < threads)
+      others.push_back(std::async(std::launch::async, work, [] {}));
+  } catch (const std::system_error&) {  // without a further thread the existing ones do the work
+  }
   try {
     work(Signals{});
   } catch (...) {
-    stopped = std::current_exception();
     next = count;
+    throw;
   }
-  for (std::thread& other : others) other.join();
-  if (stopped) std::rethrow_exception(stopped);
+  for (std::future<void>& other : others) other.get();
 }
 
 nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,

@@ -208,21 +208,6 @@ const RowFunction kFunctions[] = {
            end = std::copy_n(point.data(), 3, end);
        return Outcome{outcome};
      }},
-    {"rod_rows", "mn",  // J_x; 0 where the chains do not close
-     [](const Row& r) {
-       Closure closure;
-       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
-       std::fill_n(r.out[0], r.m * r.n, 0.0);
-       for (int k = 0; k < r.m && outcome; ++k)
-         jx_row(closure.carried, closure.chain[k].v, closure.chain[k].lever, r.out[0] + k * r.n);
-       return Outcome{};
-     }},
-    {"shortfall", "-",  // (robot, x, chain)
-     [](const Row& r) {
-       const Pose pose = placed(*r.robot, r.pose());
-       const Chain& of = r.robot->chain.at(static_cast<std::size_t>(r.call.number[0]));
-       return r.give({}, shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base));
-     }},
     {"fastest", "e", of<fastest>},
     // Orientations
     {"rotations", "33",
@@ -339,39 +324,29 @@ nb::tuple call(const RowFunction& function, const nb::args& args) {
       with.in.push_back(nb::cast<Rows>(array));
     }
   }
-  int n = 0, m = 0, r = 0, p = 0, hidden = 0;
   with.level = level(!with.flag.empty() && with.flag[0]);
+  std::string letters = "g";
+  std::vector<int> extents = {kRegistration};
   if (with.robot) {
     const Robot& robot = *with.robot;
-    n = dof(robot.mobility), m = robot.motors, r = robot.r;
-    p = robot.finished ? parameter_count(robot) : 0;
-    hidden = robot.full.own() ? 6 - n + robot.full.bars : 0;
+    const int n = with.n = dof(robot.mobility), m = with.m = robot.motors;
+    with.e = readings(robot);
+    letters += "nmerpdhbl";
+    extents.insert(extents.end(),
+                   {n, m, with.e, robot.r, robot.finished ? parameter_count(robot) : 0, 2 * m,
+                    robot.full.own() ? 6 - n + robot.full.bars : 0, robot.mechanism.bodies,
+                    robot.mechanism.closures});
   }
-  with.n = n, with.m = m, with.e = m + r;
-  std::vector<Shape>& shapes = with.shapes;
-  shapes.resize(1);
-  for (const char* letter = function.shapes; *letter; ++letter) {
-    const auto more = [&](int extent) {
-      shapes.back().push_back(static_cast<std::size_t>(extent));
-    };
-    switch (*letter) {
-      case ' ': shapes.emplace_back(); break;
-      case '-': break;
-      case 'n': more(n); break;
-      case 'm': more(m); break;
-      case 'e': more(m + r); break;
-      case 'r': more(r); break;
-      case 'p': more(p); break;
-      case 'd': more(2 * m); break;
-      case 'h': more(hidden); break;
-      case 'b': more(with.robot->mechanism.bodies); break;
-      case 'l': more(with.robot->mechanism.closures); break;
-      case 'g': more(kRegistration); break;
-      default: more(*letter - '0');
-    }
+  with.shapes.resize(1);
+  for (const char letter : std::string(function.shapes)) {
+    const std::size_t known = letters.find(letter);
+    if (letter == ' ')
+      with.shapes.emplace_back();
+    else if (letter != '-')
+      with.shapes.back().push_back(known < letters.size() ? extents[known] : letter - '0');
   }
   return batch(
-      with.in.at(function.over).shape(0), shapes,
+      with.in.at(function.over).shape(0), with.shapes,
       [&](std::size_t i, const std::vector<double*>& out) {
         return function.at({with, with, i, out});
       },

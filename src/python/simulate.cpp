@@ -206,17 +206,6 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   return nb::make_tuple(x, seen);
 }
 
-/// J_x at home for every rod, (rods, freedoms); requires robot.full.
-auto full_rod_rows(const Robot& robot) {
-  RowMatrix result(robot.full.rods, robot.full.unknowns);
-  std::array<engine::Row, engine::kClosures> rows;
-  const Outcome outcome = full_rows(robot, rows);
-  if (!outcome) throw nb::value_error(describe(outcome.status));
-  for (int rod = 0; rod < result.rows(); ++rod)
-    std::copy_n(rows[rod].begin(), result.cols(), result[rod]);
-  return result;
-}
-
 /// Exact readings of a mechanism at this pose with these motors and arms.
 auto readings(const Robot& robot, const Frame& frame, const std::array<double, kMaxBars>& psi,
               double theta, const Joint& motor, const Joint& arm) {
@@ -244,7 +233,6 @@ void bind_simulation(nb::module_& m) {
       .def("visit", &Simulation::visit);
   m.def("spoil", &batch_spoil);
   m.def("assembly_modes", &assembly_modes);
-  m.def("full_rod_rows", &full_rod_rows);
   m.def("readings", &readings);
 }
 }  // namespace truepose::python

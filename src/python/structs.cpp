@@ -106,6 +106,23 @@ void bind_parts(nb::class_<Robot>& made, const char* name, std::array<Part, N> R
   });
 }
 
+/// J_x at home: a row for each chain, or at the full level for each rod of the free platform; 0
+/// where they do not close.
+RowMatrix rod_rows(const Robot& robot, bool full) {
+  RowMatrix result(full ? robot.full.rods : robot.motors,
+                   full ? robot.full.unknowns : dof(robot.mobility));
+  std::array<engine::Row, engine::kClosures> rows;
+  Closure closure;
+  const Outcome outcome =
+      full ? full_rows(robot, rows) : ikm(robot, to_pose(robot.mobility, robot.home), closure);
+  for (int i = 0; i < result.rows() && outcome; ++i)
+    if (full)
+      std::copy_n(rows[i].begin(), result.cols(), result[i]);
+    else
+      jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, result[i]);
+  return result;
+}
+
 void bind_robot(nb::module_& m) {
   auto made = structure<Robot>(m, "Robot", {c::table_of<Robot>.fields, 0});
   bind_parts(made, "chain", &Robot::chain);
@@ -131,6 +148,13 @@ void bind_robot(nb::module_& m) {
       .def("motor_reading",
            [](const Robot& robot, int i, double position) {
              return motor_reading(robot.chain.at(i), position);
+           })
+      .def("rod_rows", &rod_rows)
+      .def("shortfall",  // at home
+           [](const Robot& robot, int i) {
+             const Pose pose = placed(robot, to_pose(robot.mobility, robot.home));
+             const Chain& of = robot.chain.at(i);
+             return shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
            })
       .def("drawn_parameters",
            [](const Robot& drawn) {
