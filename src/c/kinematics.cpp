@@ -43,16 +43,7 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
   Pose at;
   const Outcome sound = body(pose, at);
   if (!sound) return sound;
-  if (turns_about_z(robot.mobility)) {
-    const Real near = x[dof(robot.mobility) - 1];
-    at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
-  }
-  Pose own = at;
-  if (is_rotational(robot.mobility)) {
-    own = to_pose(robot.mobility, all_finite(x, dof(robot.mobility)) ? x : robot.home);
-    angles_of(robot, at, own);
-  }
-  const Coordinates found = to_coordinates(robot.mobility, own);
+  const Coordinates found = coordinates_of(robot, at, x);
   const Pose again = place_of(robot, found);
   if (!vanishes(again.R - at.R) || !vanishes(again.D - at.D)) return {Status::no_such_value};
   x = found;

@@ -168,17 +168,11 @@ const RowFunction kFunctions[] = {
     {"under_load", "e ed m",
      [](const Row& r) {
        const Load load{r.of<Vec3>(3), r.of<Joint>(4)};
-       const std::size_t m = static_cast<std::size_t>(r.m);
+       double* H_xi = scratch(r.e * parameter_count(*r.robot)).data();
        UnderLoad at;
-       const Outcome outcome =
-           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
-                      scratch(r.e * parameter_count(*r.robot)).data(), at);
-       for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
-         for (std::size_t k = 0; k < m; ++k) {
-           r.out[1][2 * m * c + k] = at.by_compliance[c][k];
-           r.out[1][2 * m * c + m + k] = c == k ? at.by_arm[k] : 0;
-         }
-       return r.give(outcome, at.q_e, r.out[1], at.tension);
+       return r.give(
+           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load, H_xi, at),
+           at.q_e, at.by_compliance, at.tension);
      }},
     {"skeleton", "m43",  // points P, B, A and c of every chain, for drawings
      [](const Row& r) {
@@ -227,18 +221,11 @@ const RowFunction kFunctions[] = {
        }
        return outcome;
      }},
-    {"coordinates", "n",  // (robot, D (N, 3), R (N, 9)); axis angles from home's
-     [](const Row& r) {
-       const Mobility mobility = r.robot->mobility;
-       Pose pose{r.of<Vec3>(0), r.rotation(1), 0};
-       pose.theta = theta_of(pose.R, 0);
-       if (is_rotational(mobility)) {
-         Pose angles = to_pose(mobility, r.robot->home);
-         angles_of(*r.robot, pose, angles);
-         pose = angles;
-       }
-       return r.give({}, to_coordinates(mobility, pose));
-     }},
+    {"coordinates", "n",  // next to home
+     of<[](const Robot& robot, const Vec3& D, const Mat3& columns, Coordinates& x) {
+       x.fill(NAN);
+       x = coordinates_of(robot, {D, columns.transpose(), 0}, x);
+     }>},
     // Dynamics
     {"mass_matrix", "nn", of<mass_matrix>},
     {"inverse_dynamics", "m",
