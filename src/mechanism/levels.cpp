@@ -72,7 +72,7 @@ Outcome extended(Level level, const Robot& robot, const Pose& pose, Extended& q_
 Outcome rkm(Level level, const Robot& robot, const Coordinates& x, Reading& values) {
   Extended q_e;
   const Outcome outcome = extended(level, robot, to_pose(robot.mobility, x), q_e);
-  if (outcome) std::copy_n(q_e.begin() + dof(robot.mobility), robot.r, values.begin());
+  if (outcome) std::copy_n(q_e.begin() + robot.motors, robot.r, values.begin());
   return outcome;
 }
 

@@ -218,9 +218,9 @@ TEST("of readings that no pose closes the FKM of redundant motors is their least
       for (int j = 0; j < dof(K); ++j) CHECK_NEAR(step[j], 0, 1e-4);
     }
     Joint q;
-    CHECK(ikm(robot, robot.home, q));
+    CHECK(ikm(Level::ideal, robot, robot.home, q));
     q[0] += 0.3;  // a reading of another posture
     Coordinates x = robot.home;
-    CHECK(fkm(robot, q, x).status == Status::not_converged);
+    CHECK(fkm(Level::ideal, robot, q, x).status == Status::not_converged);
   }
 }
