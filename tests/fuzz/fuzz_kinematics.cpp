@@ -18,7 +18,8 @@ void check_forward(const Robot& robot, const Joint& q, const Coordinates& x) {
   const Outcome outcome = ikm(robot, pose, closure);
   Carried carried;
   carry(robot, pose, carried);
-  Coordinates slope{}, size_of{};
+  Coordinates slope{};  // of the squares of the readings' deviations
+  double steepest = 0, largest = 1;
   for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
@@ -28,13 +29,14 @@ void check_forward(const Robot& robot, const Joint& q, const Coordinates& x) {
                         chain.anchor.norm() + driven.rod;
     const double open = std::fabs(v.norm() - driven.rod);
     if (overdriven(robot)) {
+      largest = std::max(largest, size);
       require(open < kDisagreement * size, "a pose that fkm found fits its readings");
       const double jq = jq_entry(chain, v, driven);
       Real row[kMaxDof];
       jx_row(carried, v, lever, row);
       for (int j = 0; j < dof(K); ++j) {
         slope[j] += row[j] / jq * (0.5 * (v.squaredNorm() - driven.rod * driven.rod) / jq);
-        size_of[j] += std::pow(row[j] / jq, 2);
+        steepest += std::pow(row[j] / jq, 2);
       }
       continue;
     }
@@ -48,7 +50,8 @@ void check_forward(const Robot& robot, const Joint& q, const Coordinates& x) {
     require(off < 1e-5 * size || std::fabs(off * jq) < 1e-9 * size * size, "ikm undoes fkm");
   }
   for (int j = 0; j < dof(K) && overdriven(robot); ++j)
-    require(std::fabs(slope[j]) <= 1e-8 * size_of[j], "a pose nearby fits the readings better");
+    require(std::fabs(slope[j]) <= 1e-8 * steepest * largest,
+            "a pose nearby fits the readings better");
   // Only where an arm is stretched a rounding may put a pose out of reach.
   require(outcome || outcome.status == Status::unreachable, "a pose that fkm found is a pose");
 }
