@@ -21,7 +21,6 @@ void check_closed(const Robot& robot, const Pose& pose) {
 }  // namespace
 
 TEST_EACH(for_each, "FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
-  const Robot& robot = mechanism.robot;
   const bool paper = robot.mobility == Mobility::schoenflies;
   const long poses = check::sample_size(paper ? 20000 : 4000);
   check::Random random(11);
@@ -29,7 +28,7 @@ TEST_EACH(for_each, "FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") 
   long lost = 0;
   int iterations = 0;
   for (long k = 0; k < poses; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     Closure closure;
     if (!ikm(robot, pose, closure)) ++lost;
     for (const Pose& guess : {nearby(K, pose, random, 1e-3), to_pose(K, robot.home)}) {
@@ -48,10 +47,9 @@ TEST_EACH(for_each, "FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") 
 TEST_EACH(
     for_each,
     "a cap below the steps that the FKM needs is said, and one of 12 does for a box from home") {
-  const Robot& robot = mechanism.robot;
   check::Random random(12);
   for (int k = 0; k < 300; ++k) {
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     Joint q;
     CHECK(ikm(Level::ideal, robot, x, q));
     const auto from_home = [&](int cap, Coordinates& found) {
@@ -77,7 +75,7 @@ TEST_EACH(for_each,
     check::Random random(16);
     long reached = 0, again = 0, lost = 0;
     for (long k = 0; k < check::sample_size(4000); ++k) {
-      Pose pose = to_pose(K, random_pose(mechanism, random));
+      Pose pose = any_pose(random);
       const Vec3 axis = Vec3(random(), random(), random()).normalized();
       pose.R = exp_so3(degrees(60) * axis) * to_pose(K, robot.home).R;
       Closure closure;
@@ -105,11 +103,10 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "the residual the FKM reports is the largest gap that is left in a loop") {
-  const Robot& robot = mechanism.robot;
   check::Random random(12);
   for (int k = 0; k < 200; ++k) {
     Closure closure;
-    CHECK(ikm(robot, to_pose(K, random_pose(mechanism, random)), closure));
+    CHECK(ikm(robot, any_pose(random), closure));
     Pose pose = to_pose(K, robot.home);
     const FkmResult result = fkm(robot, closure.q(), pose);
     double gap = 0;
@@ -132,7 +129,7 @@ TEST_EACH(for_each,
     long lost = 0;
     const long poses = check::sample_size(20000);
     for (long k = 0; k < poses; ++k) {
-      const Pose pose = to_pose(K, random_pose(mechanism, random));
+      const Pose pose = any_pose(random);
       Closure closure;
       if (!ikm(robot, pose, closure)) ++lost;
       Pose newton = nearby(K, pose, random, 1e-3);
