@@ -16,8 +16,7 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
   const engine::Frame& platform = at.frame[built.platform];
   closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
   for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
-  for (int i = 0; i < robot.motors; ++i)
-    closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
+  for (int i = 0; i < robot.motors; ++i) closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
   return result;
 }
 
