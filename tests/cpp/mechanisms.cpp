@@ -298,6 +298,13 @@ Mechanism hexaglide() {
       });
 }
 
+void for_all(const std::vector<Mechanism>& list, const std::function<void(const Mechanism&)>& f) {
+  for (const Mechanism& mechanism : list) {
+    check::state().scene = mechanism.name;
+    f(mechanism);
+  }
+}
+
 void for_each(const std::function<void(const Mechanism&)>& f) {
   static const std::vector<Mechanism> all{h4(),
                                           five_bar(),
@@ -311,16 +318,17 @@ void for_each(const std::function<void(const Mechanism&)>& f) {
                                           hexaglide(),
                                           four_rrr(),
                                           eight_cables()};
-  for (const Mechanism& mechanism : all) {
-    check::state().scene = mechanism.name;
-    f(mechanism);
-  }
+  for_all(all, f);
 }
 
 void for_each_square(const std::function<void(const Mechanism&)>& f) {
   for_each([&](const Mechanism& mechanism) {
     if (!overdriven(mechanism.robot)) f(mechanism);
   });
+}
+
+void for_each_overdriven(const std::function<void(const Mechanism&)>& f) {
+  for_all({four_rrr(), eight_cables()}, f);
 }
 
 void for_each_model(const std::function<void(const Mechanism&, Level)>& f) {

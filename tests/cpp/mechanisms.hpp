@@ -90,10 +90,14 @@ Mechanism four_rrr();
 /// A platform on eight taut cables: two motors more than freedoms.
 Mechanism eight_cables();
 
+/// Calls f(mechanism) for each of a list.
+void for_all(const std::vector<Mechanism>& list, const std::function<void(const Mechanism&)>& f);
 /// Calls f(mechanism) for each that no passive axes carry (theirs: rotational.hpp).
 void for_each(const std::function<void(const Mechanism&)>& f);
 /// The same for those with as many motors as freedoms.
 void for_each_square(const std::function<void(const Mechanism&)>& f);
+/// The same for those with more.
+void for_each_overdriven(const std::function<void(const Mechanism&)>& f);
 /// Calls f(mechanism, level) for each at its levels.
 void for_each_model(const std::function<void(const Mechanism&, Level)>& f);
 
