@@ -146,7 +146,7 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
 
 
 @pytest.mark.parametrize(
-    ("name", "law", "held", "refused", "reason"),
+    ("name", "law", "held", "too_long", "reason"),
     [
         ("h4", "tej", 3e-3, 4e-3, "26.2 rad/s.*friction.*counts cause a limit cycle of"),
         ("delta", "joint", 1e-3, 2e-3, "95.6 rad/s.*before friction shifts the platform by 1 mm"),
@@ -156,12 +156,12 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     ],
 )
 def test_a_period_at_which_no_gains_hold_the_robot_is_refused_with_the_reason(
-    name, law, held, refused, reason
+    name, law, held, too_long, reason
 ):
     robot = tp.load(name)
     assert tp.Controller.for_robot(robot, law=law, period=held).period == held
-    with refused(rf"{name}: period {refused:g} s: the {law}.*{reason}"):
-        tp.Controller.for_robot(robot, law=law, period=refused)
+    with refused(rf"{name}: period {too_long:g} s: the {law}.*{reason}"):
+        tp.Controller.for_robot(robot, law=law, period=too_long)
 
 
 def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):

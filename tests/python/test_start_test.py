@@ -23,7 +23,8 @@ def _fault(text):
     return tp.faults.Fault(reading, kind, other=other or None)
 
 
-@pytest.mark.parametrize("name", tp.list_robots())
+# 4rrr is refused: test_redundant_motors.
+@pytest.mark.parametrize("name", [name for name in tp.list_robots() if name != "4rrr"])
 def test_shipped_robots_pass_with_less_than_a_millimetre(name):
     robot = tp.load(name)
     run = tp.simulation.start_test(robot)
