@@ -29,11 +29,11 @@ struct Known {
   }
 };
 
-/// Influences at pose i: none, or row i of (N, (n + r) × count).
+/// Influences at pose i: none, or row i of (N, (m + r) × count).
 inline Influences influences_at(const Robot& robot, const Rows* influence, std::size_t i) {
   if (influence == nullptr) return {};
   const std::size_t width = influence->shape(1);
-  return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
+  return {static_cast<int>(width) / readings(robot), influence->data() + i * width};
 }
 
 /// Knowledge and work space of one thread for weighted laws; both optional.
