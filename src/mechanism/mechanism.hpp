@@ -81,10 +81,7 @@ void add_line(const Mechanism& mechanism, const Position& at, int body, const Li
 /// ∂f/∂y of a closure. @param size  in, out: adds what |∂f/∂y|² would be if y moved the ends along
 /// the line; makes tests of rank independent of metres and radians
 Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size);
-inline Row row(const Mechanism& mechanism, const Position& at, int closure) {
-  Row size{};
-  return row(mechanism, at, closure, size);
-}
+Row row(const Mechanism& mechanism, const Position& at, int closure);
 
 /// Whether a body carries another one, or is it.
 bool carries(const Mechanism& mechanism, int body, int carried);

@@ -32,7 +32,7 @@ struct Known {
   Knowledge view() const { return {count(), column.data(), root.data(), sigma}; }
 };
 
-/// Influences at pose i: none, or row i of (N, (n + r) × count).
+/// Influences at pose i: none, or row i of (N, (m + r) × count).
 inline Influences influences_at(const Robot& robot, const Rows* influence, std::size_t i) {
   if (influence == nullptr) return {};
   const std::size_t width = influence->shape(1);

@@ -158,7 +158,7 @@ def test_every_robot_stands_closed_at_home(name, rng):
     body = Body(truth)
     assert body.gap() < (1e-3 if stretched(truth) else 1e-12)
     assert body.coordinates() == pytest.approx(truth.home, abs=1e-12)
-    assert body.model.nu == truth.n
+    assert body.model.nu == truth.m
 
 
 def test_an_upright_leg_stands_closed_at_home():
