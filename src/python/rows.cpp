@@ -342,11 +342,7 @@ nb::tuple call(const RowFunction& function, const nb::args& args) {
 }  // namespace
 
 void bind_rows(nb::module_& m) {
-  for (const RowFunction& function : kFunctions) {
-    const std::string signature = std::string("def ") + function.name + "(*args) -> tuple";
-    m.def(
-        function.name, [&function](const nb::args& args) { return call(function, args); },
-        nb::sig(signature.c_str()));
-  }
+  for (const RowFunction& function : kFunctions)
+    m.def(function.name, [&function](const nb::args& args) { return call(function, args); });
 }
 }  // namespace truepose::python

@@ -214,7 +214,7 @@ def assemble(
         shapes.append(shape)
         renamed[name] = replace(given, name=name)
     names, mean, sigma = map(list, zip(*unknowns, strict=True))
-    core = _core.links(np.concatenate(rows), mean, first)
+    core = _core.links(np.concatenate(rows), np.array(mean), first)
     given_as = tuple(renamed.values())
     return Assembled(given_as, core, np.array(mean), np.array(sigma), names, shapes)
 

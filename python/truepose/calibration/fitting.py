@@ -109,7 +109,7 @@ def _fit_upright(problem: Problem) -> Calibration:
                 robot.core_drawn,
                 known.core,
                 known.nuisances,
-                mean_of(robot).tolist(),
+                mean_of(robot),
                 lines.rows - acting @ usual - stretching.usual(),
                 lines.outside,
                 lines.outside_sigma,

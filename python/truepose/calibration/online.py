@@ -106,9 +106,7 @@ class OnlineCalibrator:
     def _start(self, xi: Array, root: Array | None = None) -> None:
         model, full = self._robot, self._robot.is_full(self.level)
         known = knowledge.knowledge(model, root, level=self.level, error=self._error).core
-        self._filter = _core.Online(
-            model.core_drawn, known, xi.tolist(), self._drift, self._gate, full
-        )
+        self._filter = _core.Online(model.core_drawn, known, xi, self._drift, self._gate, full)
 
     def __getstate__(self) -> dict:
         core = self._filter

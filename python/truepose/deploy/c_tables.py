@@ -156,11 +156,11 @@ def _knowledge(name: str, robot: Robot) -> str:
     known = knowledge(robot).core
     count, columns, root = len(known.column), known.column, known.root
     if not count:  # C has no arrays of nothing
-        columns, root = [0], np.zeros((1, 1))
+        columns, root = np.zeros(1, dtype=int), np.zeros((1, 1))
     values = _numbers(root.ravel(), "   ")
     return (
         f"/* Uncertain parameters: {', '.join(uncertain(robot)) or 'none'}. */\n"
-        f"static const int32_t {name}_column[] = {_numbers(np.array(columns))};\n"
+        f"static const int32_t {name}_column[] = {_numbers(columns)};\n"
         f"static const truepose_real {name}_root[{count or 1} * {count or 1}] =\n   {values};\n"
         f"static const truepose_knowledge {name}_knowledge = {{\n"
         f"  {count}, {name}_column, {name}_root,\n  {_numbers(known.sigma)} /* sigma */\n}};\n"

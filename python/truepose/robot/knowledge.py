@@ -194,7 +194,7 @@ def knowledge(
     whole[np.ix_(own, own)] = posterior[: p + last, : p + last]
     counts = error and not guarded
     sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
-    return Known(_core.Knowledge(at, whole, sigma.tolist()), p, len(errors), last)
+    return Known(_core.Knowledge(np.array(at), whole, sigma), p, len(errors), last)
 
 
 def for_law(

@@ -80,9 +80,8 @@ def prepare(
     events = events_of(truth, run.disturbances)
     limits = None if run.safety is None else run.safety.limits(robot, controller)
     shell = None if limits is None else _core.Safety(limits.core, limits.counter)
-    belief = (believed.core, truth.core, gains, known)
-    more = (plant, filtered, wrong, fault_setup, slow, events, shell)
-    loop = _core.Simulation(*belief, *more, steps, at_rest[0], check_seed(seed))
+    belief = (believed.core, truth.core, gains, known, plant, filtered, wrong, fault_setup)
+    loop = _core.Simulation(*belief, slow, events, shell, steps, at_rest[0], check_seed(seed))
     return Prepared(truth, loop, limits)
 
 

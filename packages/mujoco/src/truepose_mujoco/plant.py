@@ -263,7 +263,7 @@ class _Drive:
             self.stopped = stop_text(*map(np.atleast_1d, report))
 
     def _faulty(self, time: float) -> Array:
-        return np.asarray(self.faults.read([time], self._read()))[0]
+        return np.asarray(self.faults.read(np.array([time]), self._read()))[0]
 
     def _read(self) -> Array:
         """Return the readings of healthy encoders, (1, n + r)."""

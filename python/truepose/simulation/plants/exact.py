@@ -115,7 +115,7 @@ class ExactPlant:
         exact += ahead[rests, None] * self._geared
         q_e[rests] = _core.spoil(self.robot.core, exact, self.seed)
         faulty = _core.FaultyReadings(self._faults, controller.period)
-        q_e[rests] = faulty.read([0.0] * len(exact), q_e[rests])
+        q_e[rests] = faulty.read(np.zeros(len(exact)), q_e[rests])
         frame = np.full((len(x), 4, 4), np.nan)
         frame[rests] = self._frames(x[rests])
         for _ in x:
