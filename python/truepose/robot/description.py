@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level, finite, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
-from truepose.robot import explain
+from truepose.robot import explain, flaws
 from truepose.robotfile.base import ARMS, COMMON, is_compliance
 from truepose.robotfile.consistency import wrong_value
 from truepose.robotfile.schema import (
@@ -23,7 +23,7 @@ from truepose.robotfile.schema import (
     RobotFile,
     Tolerance,
 )
-from truepose.robotfile.to_core import build, columns, drawn, encoder_step
+from truepose.robotfile.to_core import build, columns, drawn, encoder_steps
 
 
 class Parameter(NamedTuple):
@@ -56,7 +56,7 @@ class Description:
         self.r: Final = len(spec.sensors)  #: number of redundant sensors in use
         #: Names of the extended positions q_e: q1 … qm, then the sensors in use.
         self.readings: Final = (*(f"q{i + 1}" for i in range(spec.m)), *spec.sensors)
-        self.coordinates: Final = spec.coordinates  #: name and unit of each coordinate of x
+        self.coordinates: Final = spec.coordinate_units  #: name and unit of each coordinate of x
         #: Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`.
         self.level: Final[Level] = spec.level or "ideal"
         self._nominal = drawn(spec)
@@ -65,6 +65,8 @@ class Description:
             raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self.core_drawn = build(spec)
         self.core_drawn.level = getattr(_core.Level, self.level)
+        if spec.mobility == "mechanism" and (why := flaws.of_mechanism(self.core_drawn, spec)):
+            raise RobotFileError(f"{spec.name}: {why}")
         self.core_drawn.finish()
         self._columns = columns(spec)
         self._take(self._nominal | spec.parameters | (values or {}))
@@ -207,9 +209,8 @@ class Description:
     @property
     def resolution(self) -> Array:
         """One count of every reading, shape (n + r,); 0 where unquantized."""
-        steps = [encoder_step(chain) for chain in self.spec.chain]
-        steps += [sensor.step for sensor in self.spec.used]
-        return np.array(steps) * self.spec.quantized
+        steps = [sensor.step for sensor in self.spec.used]
+        return np.array(encoder_steps(self.spec) + steps) * self.spec.quantized
 
     @property
     def reading_sigma(self) -> Array:
@@ -227,13 +228,13 @@ class Description:
     @property
     def noise(self) -> Array:
         """σ of every reading's noise, shape (n + r,)."""
-        noise = [part.encoder_noise for part in self.spec.chain]
+        noise = [motor.encoder_noise for motor in self.spec.motors]
         return np.array(noise + [sensor.noise for sensor in self.spec.used])
 
     @property
     def backlash(self) -> Array:
         """Whole width of every reading's backlash, shape (n + r,)."""
-        return np.array([part.backlash for part in (*self.spec.chain, *self.spec.used)])
+        return np.array([part.backlash for part in (*self.spec.motors, *self.spec.used)])
 
     @property
     def torque_limit(self) -> Array:

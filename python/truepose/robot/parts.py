@@ -8,7 +8,7 @@ from truepose.arguments import Array
 from truepose.robot.frames import frames
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.passive import passive_axes
-from truepose.robotfile.schema import Chain
+from truepose.robotfile.chains import Chain
 from truepose.robotfile.to_core import PAIRED
 
 #: Colours of the parts in every picture and model.

@@ -11,17 +11,18 @@ from typing import Any, NamedTuple
 from truepose import _core
 from truepose.exceptions import RobotFileError
 from truepose.robotfile.base import COORDINATES, Section, tables
+from truepose.robotfile.chains import ACTUATORS, Chain
+from truepose.robotfile.mechanism import Body, Closure, Motor, freedoms
 from truepose.robotfile.schema import (
-    ACTUATORS,
     Bar,
-    Chain,
     Conditions,
     PassiveAxis,
     Platform,
+    RobotFile,
     Workspace,
 )
 from truepose.robotfile.sensors import SENSORS
-from truepose.robotfile.to_core import motor_unit, units_of
+from truepose.robotfile.to_core import mechanism_units, motor_unit, units_of
 from truepose.show.units import WRITTEN
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_]+|°)\s*")
@@ -31,7 +32,13 @@ _TABLES: dict[str, type[Section]] = {
     "fkm_region": Workspace,
     "conditions": Conditions,
 }
-_PARTS: dict[str, type[Section]] = {"chain": Chain, "bar": Bar, "passive_axis": PassiveAxis}
+_MECHANISM: dict[str, type[Section]] = {"body": Body, "closure": Closure, "motor": Motor}
+_PARTS: dict[str, type[Section]] = {
+    "chain": Chain,
+    "bar": Bar,
+    "passive_axis": PassiveAxis,
+    **_MECHANISM,
+}
 _MOST = 100  # parts of one kind whose parameters have a unit; a robot has fewer
 
 Path = tuple[str | int, ...]
@@ -128,6 +135,8 @@ class Units:
             return self._of_parameters(str(rest[0]))
         if top == "home":
             return {self._coordinate(rest)}
+        if top == "start" and rest:
+            return {self._freedoms.get(str(rest[0]), "")}
         if top in _TABLES and rest:
             return {_of_field(_TABLES[str(top)], self._coordinate(rest), rest[0])}
         if len(rest) < 2 or not isinstance(rest[0], int):
@@ -138,6 +147,10 @@ class Units:
         if top in _PARTS:
             actuator = str(part.get("actuator"))
             own = motor_unit(actuator) if actuator in ACTUATORS else ""
+            if top in _MECHANISM:
+                own = self._freedoms.get(str(part.get("name")), "")
+            if top == "body":
+                own = "rad" if part.get("joint") == "hinge" else "m"
             return {_of_field(_PARTS[str(top)], own, rest[1])}
         return set()
 
@@ -158,7 +171,34 @@ class Units:
         kinds = [(str(of.get("name")), str(of.get("kind"))) for of in sensors]
         known = [(name, kind) for name, kind in kinds if kind in SENSORS]
         actuators = [str(chain.get("actuator")) for chain in chains]
-        return units_of(str(self.data.get("mobility")), actuators, len(bars), known, len(axes))
+        own = None
+        if self._is_mechanism:
+            file = self._mechanism
+            own = mechanism_units(file.body, file.closure, file.motor)
+        mobility = str(self.data.get("mobility"))
+        return units_of(mobility, actuators, len(bars), known, len(axes), mechanism=own)
+
+    @property
+    def _is_mechanism(self) -> bool:
+        return self.data.get("mobility") == "mechanism"
+
+    @functools.cached_property
+    def _mechanism(self) -> RobotFile:
+        """Bodies, closures, motors and coordinates, as far as the file has usable ones."""
+        parts: dict[str, Any] = {
+            key: [model.model_construct(**_usable(of)) for of in tables(self.data, key)[:_MOST]]
+            for key, model in _MECHANISM.items()
+        }
+        names = self.data.get("coordinates")
+        listed = [str(name) for name in names] if isinstance(names, list) else []
+        return RobotFile.model_construct(mobility="mechanism", coordinates=listed, **parts)
+
+    @functools.cached_property
+    def _freedoms(self) -> dict[str, str]:
+        """The unit of every freedom of a mechanism, motors among them."""
+        file = self._mechanism
+        legs = {of.motor: "m" for of in file.closure if of.motor}
+        return legs | freedoms(file.body)
 
     def _coordinate(self, path: list) -> str:
         """Return the unit of a pose's coordinate, by the last part of its path."""
@@ -166,8 +206,16 @@ class Units:
         known = COORDINATES.get(mobility, ())
         if mobility == "rotational":
             return "rad"
+        if self._is_mechanism:
+            known = self._mechanism.coordinate_units
         at = path[-1] if path else None
         return known[at][1] if isinstance(at, int) and at < len(known) else ""
+
+
+def _usable(table: dict) -> dict:
+    """Return a table of a mechanism with names as texts, and no name that is none."""
+    texts = {"name", "on", "joint", "motor", "freedom"}
+    return {"name": "", "joint": ""} | {k: str(v) if k in texts else v for k, v in table.items()}
 
 
 def _of_field(model: type[Section], ambiguous: str, key: str | int) -> str:
