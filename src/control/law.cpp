@@ -106,12 +106,11 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   if (redundancy(robot) == 0 && properties(law).sensed) return {Status::not_measured};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x_d), reference.closure);
-  if (outcome) outcome = within_limits(robot, reference.closure.pose, reference.closure.q());
-  if (outcome) outcome = jacobian(reference.closure, band, reference.jacobians);
-  const Outcome regular = outcome;
   Reading r;
-  if (outcome) outcome = rkm(robot, reference.closure, r, reference.jr);
+  const Outcome regular = kinematics_at(robot, to_pose(robot.mobility, x_d), band,
+                                        reference.closure, reference.jacobians, r, reference.jr);
+  Outcome outcome = regular;
+  if (outcome) outcome = within_limits(robot, reference.closure.pose, reference.closure.q());
   // The motors would have to pass through a singularity to reach another mode.
   const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
   if (outcome && !modes_meet && other_mode(robot.assembly_sign, reference.jacobians.sign))

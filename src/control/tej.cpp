@@ -32,4 +32,58 @@ void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, E
     for (int i = 0; i < m; ++i) M_plus[i][m + s] = gain[i];
   }
 }
+
+namespace {
+/// J and J_r of a described mechanism: K and J_r are its H_x.
+Outcome by_rows(const Robot& robot, const Pose& pose, Closure& closure, Jacobians& jacobians,
+                Reading& r, SensorRows& jr) {
+  const int n = jacobians.n = dof(robot.mobility), m = jacobians.motors = robot.motors;
+  Extended q_e;
+  PoseRows H_x;
+  FullClosure at;
+  Outcome outcome = ikm(robot, pose, at);
+  if (outcome) outcome = linearise(robot, at.built, at.at, 0, q_e, H_x, nullptr);
+  if (!outcome) return outcome;
+  closure.pose = pose;
+  closure.motors = m;
+  Unknowns size{};
+  for (int i = 0; i < m; ++i) {
+    closure.chain[i].q = q_e[i];
+    jacobians.jq[i] = 1;
+    for (int j = 0; j < n; ++j) {
+      jacobians.jx[i][j] = H_x[i][j];
+      size[j] += H_x[i][j] * H_x[i][j];
+    }
+  }
+  for (int k = 0; k < robot.r; ++k) r[k] = q_e[m + k], jr[k] = H_x[m + k];
+  jacobians.sign = engine::mode_of(at.built.mechanism, at.at);
+  return {invert(m, n, jacobians.jx, size, 0, jacobians.J) ? Status::ok : Status::singular};
+}
+}  // namespace
+
+Outcome kinematics_at(const Robot& robot, const Pose& pose, Real band, Closure& closure,
+                      Jacobians& jacobians, Reading& r, SensorRows& jr) {
+  if (is_mechanism(robot.mobility)) return by_rows(robot, pose, closure, jacobians, r, jr);
+  Outcome outcome = ikm(robot, pose, closure);
+  if (outcome) outcome = jacobian(closure, band, jacobians);
+  const Outcome regular = outcome;
+  if (outcome) outcome = rkm(robot, closure, r, jr);
+  return outcome ? regular : outcome;
+}
+
+Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M, ExtendedRows& M_plus,
+            Real band) {
+  Closure closure;
+  Jacobians jacobians;
+  Reading values;
+  SensorRows jr;
+  const Outcome regular =
+      kinematics_at(robot, to_pose(robot.mobility, x), band, closure, jacobians, values, jr);
+  if (!regular) return regular;
+  tej(robot, jacobians, jr, M, M_plus);
+  Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
+  for (int c = robot.motors; c < readings(robot); ++c)
+    for (int i = 0; i < robot.motors; ++i) sum += M[c][i] + M_plus[i][c];
+  return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
+}
 }  // namespace truepose

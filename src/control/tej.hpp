@@ -1,8 +1,7 @@
 // The extended-to-joint matrix (TEJ), which corrects motor errors by redundant readings.
 #pragma once
 
-#include "mechanism/damping.hpp"
-#include "mechanism/rkm.hpp"
+#include "estimation/linearise.hpp"
 
 namespace truepose {
 using ExtendedColumns = Matrix<kMaxReadings, kMaxMotors>;  ///< M
@@ -22,21 +21,12 @@ void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, E
 
 /// M and M⁺ at coordinates x. @param band  conditioning below which J is damped (0: the paper's)
 /// @return near_singular where it is damped
-inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
-                   ExtendedRows& M_plus, Real band = 0) {
-  Closure closure;
-  Jacobians jacobians;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
-  if (outcome) outcome = jacobian(closure, band, jacobians);
-  const Outcome regular = outcome;
-  Reading values;
-  SensorRows jr;
-  if (outcome) outcome = rkm(robot, closure, values, jr);
-  if (!outcome) return outcome;
-  tej(robot, jacobians, jr, M, M_plus);
-  Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
-  for (int c = robot.motors; c < readings(robot); ++c)
-    for (int i = 0; i < robot.motors; ++i) sum += M[c][i] + M_plus[i][c];
-  return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
-}
+Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M, ExtendedRows& M_plus,
+            Real band = 0);
+
+/// Motors and readings at a pose, J and J_r: by closed forms, or of a described mechanism by the
+/// engine, where nothing is damped. @param closure  of a described mechanism: pose and q alone
+/// @return near_singular where J is damped
+Outcome kinematics_at(const Robot& robot, const Pose& pose, Real band, Closure& closure,
+                      Jacobians& jacobians, Reading& r, SensorRows& jr);
 }  // namespace truepose

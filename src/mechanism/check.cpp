@@ -70,15 +70,12 @@ Check check(const Mechanism& m, Position& at) {
   if (const Check parts = check_parts(m); !parts) return parts;
   const FkmResult closed = close(m, at, inverse(m));
   if (closed.status == Status::unreachable) return {Flaw::no_length, closed.chain};
-  if (!(closed.residual < kClosed) || closed.status == Status::not_converged) {
-    int widest = 0;
-    for (int i = 0; i < m.closures; ++i)
-      if (std::fabs(at.f[i]) > std::fabs(at.f[widest])) widest = i;
-    return {Flaw::open, widest, at.residual};
-  }
+  const bool open = !(closed.residual < kClosed) || closed.status == Status::not_converged;
   std::array<Row, kClosures> all, free;
   Row size{};
+  int widest = 0;
   for (int i = 0; i < m.closures; ++i) {
+    if (std::fabs(gap(m, at, i)) > std::fabs(gap(m, at, widest))) widest = i;
     Row own{};
     all[i] = row(m, at, i, own);
     bool moved = false;
@@ -91,6 +88,7 @@ Check check(const Mechanism& m, Position& at) {
   }
   for (int j = 0; j < m.motors; ++j)
     if (size[j] == 0) return {Flaw::idle, j};
+  if (open) return {Flaw::open, widest, at.residual};
   std::array<int, kClosures> order;
   if (const int held = rank(all, m.closures, m.freedoms, &order); held < m.closures)
     return {Flaw::dependent, order[held], Real(m.closures - held)};

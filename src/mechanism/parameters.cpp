@@ -177,16 +177,19 @@ void Readings::joint_columns(int body, int first) {
   const bool slides = joint.kind == engine::Kind::slide;
   const auto about = [&](const Vec3& turn) { return engine::Twist{frame.p.cross(turn), turn}; };
   const auto along = [](const Vec3& v) { return engine::Twist{v, Vec3::Zero()}; };
+  for (int k = 0; k < 3; ++k)
+    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k, along(R.col(k)));
+  if (!slides && joint.kind != engine::Kind::hinge) return;  // no axis of its own
   for (int k = 0; k < 3; ++k) {
     const Vec3 turned = turned_only(Vec3::Unit(k), d);
-    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k, along(R.col(k)));
     enter_twist(body, first + static_cast<int>(AxisParameter::direction_x) + k,
                 slides
                     ? along(phi * (R * turned))
                     : about(R * (std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned))));
   }
-  enter_twist(body, first + static_cast<int>(AxisParameter::zero),
-              slides ? along(R * d) : about(R * d));
+  if (is_mechanism(robot.mobility))
+    enter_twist(body, first + static_cast<int>(AxisParameter::zero),
+                slides ? along(R * d) : about(R * d));
 }
 
 /// Parameters of a described closure, in one of its equations: its ends, its length, its hinge.

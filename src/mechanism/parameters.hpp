@@ -66,7 +66,7 @@ struct ParameterProperties {
 enum class ChainParameter : int { TRUEPOSE_CHAIN_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 /// Parameters of a sensor, in this order; those that its kind lacks have zero columns.
 enum class SensorParameter : int { TRUEPOSE_SENSOR_PARAMETERS(TRUEPOSE_ENUMERATOR) };
-/// Parameters of a passive axis, or of the slide or hinge that carries a body of a mechanism.
+/// Parameters of a passive axis (which has no zero), or of a described mechanism's slide or hinge.
 enum class AxisParameter : int { TRUEPOSE_AXIS_PARAMETERS(TRUEPOSE_ENUMERATOR) };
 /// Parameters of a described closure of a mechanism, which its equations share.
 enum class ClosureParameter : int { TRUEPOSE_CLOSURE_PARAMETERS(TRUEPOSE_ENUMERATOR) };

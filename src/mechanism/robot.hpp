@@ -196,7 +196,9 @@ struct Robot {
   engine::Mechanism mechanism;
 
   /// Whether they model every rod individually.
-  constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
+  constexpr bool rod_by_rod() const {
+    return mobility >= Mobility::mechanism_1 || (level == Level::full && full.own());
+  }
 };
 
 // Copyable byte by byte, with C layout.

@@ -39,7 +39,7 @@ SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Posit
   SensedFreedoms s;
   const auto read = [&](int freedom, Real sign) {
     s.value = sign * at.y[freedom];
-    read_off_centre(sensor, s);
+    if (rotary(sensor)) read_off_centre(sensor, s);
     s.row[freedom] = sign * s.slope;
     return s;
   };

@@ -18,6 +18,8 @@ bool fits(SensorKind kind, Mobility mobility) {
     case SensorKind::inclinometer:
     case SensorKind::rotation: return mobility == Mobility::spatial;
     case SensorKind::axis_angle: return is_rotational(mobility);
+    case SensorKind::joint_angle:
+    case SensorKind::slide_position: return is_mechanism(mobility);
     case SensorKind::rod_lateral:
       return mobility != Mobility::planar && mobility != Mobility::planar_translation;
     default: return true;
