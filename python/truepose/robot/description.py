@@ -85,6 +85,14 @@ class Description:
         if self.level == "full" and not self.full:
             raise RobotFileError(f"{self.name}: level = 'full': {self.full.reason}")
 
+    def require_chains(self, what: str) -> None:
+        """Raise InputError for a mechanism of bodies and closures, which has no such model."""
+        if self.spec.mobility == "mechanism":
+            raise InputError(
+                f"{self.name}: {what}: not for a mechanism of bodies and closures; it has "
+                "kinematics, accuracy, calibration, estimates, design and plans of poses"
+            )
+
     def __setattr__(self, name: str, value: object) -> None:
         if name in self.__dict__:
             raise AttributeError(f"{name}: a robot is immutable: replace() and with_…() copy it")
@@ -183,9 +191,9 @@ class Description:
         return type(self)(self.spec.model_copy(update=keys), own)
 
     def with_each(
-        self, table: Literal["chain", "sensor"], change: Callable[[Any], dict[str, Any]]
+        self, table: Literal["chain", "motor", "sensor"], change: Callable[[Any], dict[str, Any]]
     ) -> Self:
-        """Return a copy with other keys of every chain or sensor: those that `change` returns.
+        """Return a copy with other keys of every part of a table: those that `change` returns.
 
         As :meth:`with_file`.
 
@@ -413,6 +421,7 @@ class Description:
         >>> print(f"{1e6 * lower:.1f} µm")
         -24.0 µm
         """
+        self.require_chains("a payload")
         table = self.spec.compliance or Compliance()
         load = {"load": _vector("load", force, "N")}
         return self.with_file(compliance=table.model_copy(update=load))
@@ -438,7 +447,12 @@ class Description:
         robot = self
         if (backlash := keys.pop("backlash", None)) is not None:
             finite("backlash", backlash, 0)
-            robot = self.with_each("chain", lambda _: {"backlash": float(backlash)})
+            motors: Literal["chain", "motor"] = "chain" if self.spec.chain else "motor"
+            robot = self.with_each(motors, lambda _: {"backlash": float(backlash)})
+        if keys:
+            self.require_chains(f"conditions ({', '.join(keys)})")
+        elif not self.spec.chain:
+            return robot
         own = (self.spec.conditions or Conditions()).model_dump()
         section = robotfile.reading.section(Conditions, "conditions", own | keys, self.name)
         return robot.with_file(conditions=section)

@@ -276,6 +276,11 @@ class RobotFile(Section):
         return COORDINATES.get(self.mobility, axes)
 
     @property
+    def framed(self) -> bool:
+        """Whether x has a frame: not angles of passive axes, nor freedoms of a mechanism."""
+        return self.mobility not in ("rotational", "mechanism")
+
+    @property
     def n(self) -> int:
         """Degrees of freedom."""
         return len(self.coordinate_units)
