@@ -95,7 +95,7 @@ def command(
     found = detectability(subject, at, visited, level, false_alarm=false_alarm, effects=allowed)
     if effects != "none":
         found = replace(found, state=f"{found.state}, effects {effects}")
-    # Whether a motor's torque betrays its fault needs dynamics.
+    # A fault's change of the motors' torques needs dynamics.
     undetected = [undetected_motors(found, at)] if loaded.spec.chain else []
     if not loaded.r:
         tables = [] if how is Format.table else [found.table()]

@@ -125,7 +125,7 @@ def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> Iterato
 
 
 def measured_along(sensor: Sensor, place: Array, R: Array) -> tuple[Array, Array]:
-    """Return the ends of what a sensor of a pose measures on a body at a place, with axes R."""
+    """Return the ends of the line along which a sensor measures a body at a place, with axes R."""
     mounted = {core: np.array(getattr(sensor, key)) for core, key in sensor.mounting.items()}
     if "origin" not in mounted:
         return place, place  # an angle of it
