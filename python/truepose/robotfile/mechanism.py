@@ -58,9 +58,10 @@ class Body(Section):
     def _single(self) -> Self:
         if self.motor and self.freedom:
             raise ValueError("'motor' or 'freedom', not both")
-        given = self.model_fields_set & {"motor", "freedom", "ratio", "zero", "axis"}
-        if self.joint in FREE and given:
-            raise ValueError(f"'{min(given)}' is for a slide or hinge, not {self.joint}")
+        for name in ("motor", "freedom", "ratio", "zero", "axis"):
+            unusual = getattr(self, name) != type(self).model_fields[name].default
+            if self.joint in FREE and unusual:
+                raise ValueError(f"'{name}' is for a slide or hinge, not {self.joint}")
         return self
 
 
