@@ -1,19 +1,19 @@
 """Answers and processor time of 0.5.0, built once beside, and of the truepose that is installed.
 
-    python benchmarks/against.py [--poses 1000] [robot …]     # the first time builds 0.5.0: minutes
+    python benchmarks/against.py [--poses 1000] [--robots h4 …]    # the first time builds 0.5.0
 
 0.5.0 is the last version whose core is written for each mobility. Every shipped robot that both
-know, drawn within its tolerances, at both levels: kinematics differ by a share of the largest
-number, over max(1, cond J); estimates and calibrations by a share of their σ.
+know, all sensors in use, drawn within its tolerances, at both levels: kinematics differ by a share
+of the largest number, over max(1, cond J); estimates and calibrations by a share of their σ.
 """
 
-import argparse
 import subprocess
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from printing import arguments, head, row
 
 import truepose as tp
 
@@ -33,47 +33,51 @@ def frozen() -> Path:
     return python
 
 
-def answers(name: str, count: int) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+def answers(name: str, count: int) -> dict[str, np.ndarray]:
     """Return what a robot answers at poses of its workspace, and the processor time it took."""
-    drawn, box = tp.load(name).sample(1), tp.load(name).spec.workspace
-    low, high = np.array(box.minimum), np.array(box.maximum)
-    poses = np.random.default_rng(2).uniform(low, high, (count, drawn.n))
-    found, took = {"parameters": np.array([p.value for p in drawn.parameters.values()])}, {}
+    nominal = tp.load(name)
+    sensors = [sensor.name for sensor in nominal.spec.sensor]
+    nominal = nominal.with_sensors(*sensors)
+    drawn, box = nominal.sample(1), nominal.spec.workspace
+    poses = np.random.default_rng(2).uniform(box.minimum, box.maximum, (count, drawn.n))
+    found = {"parameters drawn 0": np.array([p.value for p in drawn.parameters.values()])}
 
-    def add(what: str, function, *words, **options) -> np.ndarray | tuple:
+    def timed(what: str, function, *words, **options):
         begun = time.process_time()
         answer = function(*words, **options)
-        took[what] = time.process_time() - begun
+        found[f"took {what}"] = time.process_time() - begun
+        return answer
+
+    def add(what: str, function, *words) -> np.ndarray:
+        answer = function(*words, errors="nan")
         parts = answer if isinstance(answer, tuple) else (answer,)
         found.update({f"{what} {k}": np.asarray(part) for k, part in enumerate(parts)})
         return answer
 
     for level in ("ideal", "full"):
-        try:
-            robot = drawn.with_level(level)
-        except tp.TrueposeError:
-            continue
-        marked = {"errors": "nan"}
-        q = add(f"ikm {level}", robot.ikm, poses, **marked)
-        J = add(f"jacobian {level}", robot.jacobian, poses, **marked)
-        found[f"cond {level}"] = np.array(
-            [np.linalg.cond(j) if np.isfinite(j).all() else 1 for j in J]
-        )
-        add(f"fkm {level}", robot.fkm, q, **marked)
-        add(f"fkm near {level}", robot.fkm, q, guess=poses + 1e-3, **marked)
-        add(f"linearize {level}", robot.linearize, poses, **marked)
-        q_e = add(f"extended {level}", robot.extended_positions, poses, **marked)
+        robot = drawn.with_level(level)
+        q = add(f"ikm {level}", robot.ikm, poses)
+        J = add(f"jacobian {level}", robot.jacobian, poses)
+        found[f"cond {level}"] = np.linalg.cond(np.nan_to_num(J))
+        add(f"fkm {level}", robot.fkm, q)
+        timed(f"FKM, {level} level", robot.fkm, np.tile(q, (100, 1)), errors="nan")
+        add(f"fkm near {level}", robot.fkm, q, poses + 1e-3)
+        add(f"linearize {level}", robot.linearize, poses)
+        q_e = add(f"extended {level}", robot.extended_positions, poses)
         some = np.flatnonzero(np.isfinite(q_e).all(axis=1))[:30]
         read = drawn.read(poses[some], seed=3, level=level)
         estimates = robot.estimate(read, guess=poses[some])
         sigma = np.sqrt(np.diagonal(estimates.covariance, axis1=-2, axis2=-1))
         found[f"estimate {level}"] = np.stack([estimates.x, sigma])
-        fit = add(f"calibration {level}", tp.calibrate, tp.load(name), read, **how(level))
-        found.pop(f"calibration {level} 0")
-        value = np.array([p.value for p in fit.robot.parameters.values()])
-        sigma = np.array([p.sigma for p in fit.robot.parameters.values()])
-        found[f"calibration {level}"] = np.stack([value, sigma])
-    return found, took
+        known = {"measured": poses[some], "measured_sigma": 1e-4}
+        fit = timed(f"calibrate, {level} level", tp.calibrate, nominal, read, **known, **how(level))
+        pairs = [(p.value, p.sigma) for p in fit.robot.parameters.values()]
+        found[f"calibration {level}"] = np.transpose(pairs)
+    timed("accuracy", tp.accuracy, nominal, poses, calibrated_on=poses[:60])
+    if sensors:
+        timed("design", tp.select_sensors, nominal, dict.fromkeys(sensors, 100.0))
+    timed("monte-carlo", tp.monte_carlo, "calibration", nominal, count=10, workers=0)
+    return found
 
 
 def how(level: str) -> dict:
@@ -89,46 +93,39 @@ def apart(key: str, old: dict, new: dict) -> float:
         return np.inf
     if key.startswith(IN_SIGMA):
         return np.nanmax(np.abs(a - b)[0] / np.where(a[1] > 0, a[1], np.inf), initial=0)
-    condition = old.get(f"cond {key.split()[-2]}", 1) if key[-1].isdigit() else 1
+    condition = old.get(f"cond {key.split()[-2]}", 1)
     scale = np.nanmax(np.abs(a), initial=0) or 1
     rows = np.nanmax(np.abs(a - b).reshape(len(a), -1), axis=1, initial=0)
     return float(np.max(rows / np.maximum(1, condition), initial=0) / scale)
 
 
 def main() -> None:
-    """Compare, a line each robot."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=1000)
-    parser.add_argument("--write", help="write the answers of one robot to this file")
-    parser.add_argument("robots", nargs="*", default=tp.list_robots())
-    asked = parser.parse_args()
+    """Compare: answers by robot, then processor time by function."""
+    asked = arguments(__doc__, poses=1000, write="", robots=tuple(tp.list_robots()))
     if asked.write:
-        found, took = answers(asked.robots[0], asked.poses)
-        np.savez(asked.write, **found, **{f"took {what}": s for what, s in took.items()})
+        np.savez(asked.write, **answers(asked.robots[0], asked.poses))
         return
-    print("| robot | kinematics | estimate, calibration (σ) | worst answer | CPU, new over old |")
-    print("|---|---:|---:|---|---|")
+    head("robot", "kinematics", "estimate, calibration (σ)", "worst answers")
+    took = {}
     for name in asked.robots:
         both = []
-        for python in (frozen(), Path(sys.executable)):
+        for python in (frozen(), sys.executable):
             file = FOLDER / f"{name}-{len(both)}.npz"
-            words = [python, __file__, name, "--poses", str(asked.poses), "--write", file]
-            done = subprocess.run(words, cwd=FOLDER, capture_output=True, text=True, check=False)
-            if done.returncode:
-                break
+            words = [python, __file__, "--robots", name, "--poses", str(asked.poses)]
+            subprocess.run([*words, "--write", file], check=True)
             both.append(dict(np.load(file)))
-        if done.returncode:
-            print(f"| {name} | {done.stderr.strip().splitlines()[-1][:100]} | | | |")
-            continue
-        old, new = both
-        off = {key: apart(key, old, new) for key in old if not key.startswith(("took", "cond"))}
+        off = {key: apart(key, *both) for key in both[0] if not key.startswith(("took", "cond"))}
         sigma = {key: far for key, far in off.items() if key.startswith(IN_SIGMA)}
-        plain = {key: far for key, far in off.items() if key not in sigma}
-        ratio = {k[5:]: new[k] / old[k] for k in old if k.startswith("took") and old[k] > 1e-3}
-        times = ", ".join(f"{what} {r:.2f}" for what, r in ratio.items())
-        worst = max(plain, key=plain.get)
-        largest = f"{max(plain.values()):.1e} | {max(sigma.values()):.1e}"
-        print(f"| {name} | {largest} | {worst} | {times} |")
+        worst = [max(group, key=off.get) for group in (off.keys() - sigma.keys(), sigma)]
+        row(name, *(f"{off[key]:.1e}" for key in worst), ", ".join(worst))
+        for key in both[0]:
+            if key.startswith("took"):
+                took.setdefault(key[5:], []).append([float(found[key]) for found in both])
+    head("processor time of all robots", "0.5.0 (s)", "now (s)", "now over 0.5.0", "one robot")
+    for what, times in took.items():
+        old, new = np.transpose(times)
+        ratio = new.sum() / old.sum()
+        row(what, f"{old.sum():.3g}", f"{new.sum():.3g}", f"{ratio:.2f}", f"{max(new / old):.2f}")
 
 
 if __name__ == "__main__":

@@ -65,7 +65,8 @@ Inverted by_adjugate(const Square& a, const Unknowns& size, Square& inverse) {
 
 /// Gauss-Jordan elimination in place, pivots by rows, which stay where they are: row p[k] is the
 /// k-th. @tparam N  the size where the compiler knows it, at a half of the cost; 0: n
-template <int N>
+/// @tparam Whole  false: only down to a triangle, for the determinant
+template <int N, bool Whole = true>
 Inverted by_elimination(int size_of, const Square& a, const Unknowns& size, Square& inverse) {
   const int n = N > 0 ? N : size_of;
   constexpr int width = N > 0 ? N : kMaxUnknowns;
@@ -89,15 +90,16 @@ Inverted by_elimination(int size_of, const Square& a, const Unknowns& size, Squa
     result.sign = pivot > 0 ? result.sign : pivot < 0 ? -result.sign : 0;
     row[k] = 1;
     for (int j = 0; j < n; ++j) pivots[j] = row[j] *= per_pivot;
-    for (int i = 0; i < n; ++i) {
-      if (i == p[k]) continue;
-      const Real factor = m[i][k];
-      m[i][k] = 0;
+    for (int t = Whole ? 0 : k + 1; t < n; ++t) {
+      if (t == k) continue;
+      Real* other = m[p[t]];
+      const Real factor = other[k];
+      other[k] = 0;
 #pragma GCC unroll 6
-      for (int j = 0; j < n; ++j) m[i][j] -= factor * pivots[j];
+      for (int j = 0; j < n; ++j) other[j] -= factor * pivots[j];
     }
   }
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < n && Whole; ++i)
 #pragma GCC unroll 6
     for (int j = 0; j < n; ++j) inverse[i][p[j]] = m[p[i]][j];
   return result;
@@ -136,6 +138,7 @@ Inverted invert(int rows, int n, const Square& a, const Unknowns& size, Real dam
 
 int determinant_sign(int n, const Square& a) {
   Square inverse;
-  return invert(n, n, a, {}, 0, inverse).sign;
+  if (n <= 4) return invert(n, n, a, {}, 0, inverse).sign;
+  return (n == 6 ? by_elimination<6, false> : by_elimination<0, false>)(n, a, {}, inverse).sign;
 }
 }  // namespace truepose

@@ -1,6 +1,8 @@
 // Conditioning of a pose, and a damped Jacobian near singularities.
 #include "mechanism/damping.hpp"
 
+#include "mechanism/full.hpp"
+
 namespace truepose {
 namespace {
 constexpr Unknowns ones() {
@@ -91,7 +93,24 @@ Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians) {
   return outcome;
 }
 
+namespace {
+/// Of a described mechanism; the serial ones are 1 where no arm or carriage moves a rod.
+Outcome by_engine(const Robot& robot, const Coordinates& x, Real& parallel, Joint& serial) {
+  FullClosure closure;
+  const Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
+  if (!outcome) return outcome;
+  const engine::Mechanism& m = closure.built.mechanism;
+  parallel = engine::parallel(m, closure.at);
+  serial.fill(1);
+  for (int i = 0; i < m.closures; ++i)
+    if (const int motor = m.closure[i].motor; motor >= 0)
+      serial[motor] = std::min(serial[motor], std::fabs(engine::serial(m, closure.at, i)));
+  return outcome;
+}
+}  // namespace
+
 Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel, Joint& serial) {
+  if (is_mechanism(robot.mobility)) return by_engine(robot, x, parallel, serial);
   Closure closure;
   const Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
   if (!outcome) return outcome;

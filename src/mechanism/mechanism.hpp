@@ -81,13 +81,16 @@ void add_line(const Mechanism& mechanism, const Position& at, int body, const Li
 /// ∂f/∂y of a closure. @param size  in, out: adds what |∂f/∂y|² would be if y moved the ends along
 /// the line; makes tests of rank independent of metres and radians
 Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size);
-inline Row row(const Mechanism& mechanism, const Position& at, int closure) {
-  Row size{};
-  return row(mechanism, at, closure, size);
-}
+Row row(const Mechanism& mechanism, const Position& at, int closure);
 
 /// Whether a body carries another one, or is it.
 bool carries(const Mechanism& mechanism, int body, int carried);
+
+/// Type 1 conditioning: share of B's motion by its motor that is along the rod, -1 to 1; 0: its arm
+/// and rod are in line.
+Real serial(const Mechanism& mechanism, const Position& at, int closure);
+/// Type 2 conditioning of the forward solution, as Conditioning::parallel().
+Real parallel(const Mechanism& mechanism, const Position& at);
 
 /// Sign of a closure's derivative by the motor that moves B, which tells working modes apart; 0:
 /// its arm and rod are in line.

@@ -3,8 +3,16 @@
 
 namespace truepose::engine {
 namespace {
-/// Calls f(freedom, twist, reach²) for every freedom that moves a body. reach is the speed of the
-/// point `end` if it moved at a right angle to the joint.
+/// Calls f(freedom, twist) for every freedom that moves a body.
+template <class F>
+inline void for_each_twist(const Mechanism& mechanism, const Position& at, int body, F&& f) {
+  for (int b = body; b >= 0; b = mechanism.body[b].parent)
+    for (int k = 0; k < mechanism.body[b].count; ++k)
+      f(mechanism.body[b].freedom + k, at.frame[b].twist[k]);
+}
+
+/// The same with reach², the squared speed of the point `end` if it moved at a right angle to the
+/// joint.
 template <class F>
 inline void for_each_twist(const Mechanism& mechanism, const Position& at, int body,
                            const Vec3& end, F&& f) {
@@ -20,9 +28,19 @@ inline void for_each_twist(const Mechanism& mechanism, const Position& at, int b
 
 void add_line(const Mechanism& mechanism, const Position& at, int body, const Line& line, Real sign,
               Row& row) {
-  for_each_twist(mechanism, at, body, Vec3::Zero(), [&](int freedom, const Twist& twist, Real) {
+  for_each_twist(mechanism, at, body, [&](int freedom, const Twist& twist) {
     row[freedom] += sign * (twist * line);
   });
+}
+
+Row row(const Mechanism& mechanism, const Position& at, int closure) {
+  const Closure& of = mechanism.closure[closure];
+  Row row;
+  std::fill_n(row.begin(), mechanism.freedoms, Real(0));
+  add_line(mechanism, at, of.body_a, at.line[closure], 1, row);
+  add_line(mechanism, at, of.body_b, at.line[closure], -1, row);
+  if (of.driven >= 0) row[of.driven] -= length_of(mechanism, at, closure);
+  return row;
 }
 
 Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size) {
@@ -54,7 +72,7 @@ bool carries(const Mechanism& mechanism, int body, int carried) {
   return carried >= 0 && carried == body;
 }
 
-int mode_of(const Mechanism& mechanism, const Position& at, int closure) {
+Real serial(const Mechanism& mechanism, const Position& at, int closure) {
   const Closure& of = mechanism.closure[closure];
   const Line& line = at.line[closure];
   Real slope = 0, size = 0;
@@ -64,6 +82,36 @@ int mode_of(const Mechanism& mechanism, const Position& at, int closure) {
                    slope -= twist * line;
                    size += line.force.squaredNorm() * reach2;
                  });
-  return !(slope * slope > kSingular * size) ? 0 : slope > 0 ? 1 : -1;
+  return size > 0 ? slope / std::sqrt(size) : 0;
+}
+
+int mode_of(const Mechanism& mechanism, const Position& at, int closure) {
+  const Real along = serial(mechanism, at, closure);
+  return !(along * along > kSingular) ? 0 : along > 0 ? 1 : -1;
+}
+
+Real parallel(const Mechanism& mechanism, const Position& at) {
+  const Freedoms free = forward(mechanism);
+  const int rows = mechanism.closures, columns = free.count;
+  Square A, inverse;
+  Unknowns size{}, ones;
+  ones.fill(1);
+  for (int i = 0; i < rows; ++i) {
+    Row own{};
+    const Row by = row(mechanism, at, i, own);
+    const Real force2 = at.line[i].force.squaredNorm();
+    for (int j = 0; j < columns; ++j) {
+      A[i][j] = by[free.index[j]] / std::sqrt(force2);
+      size[j] += own[free.index[j]] / force2;
+    }
+  }
+  Real square = 0, inverse2 = 0;
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < columns; ++j)
+      square += A[i][j] * A[i][j] / size[j], A[i][j] /= std::sqrt(size[j]);
+  if (!invert(rows, columns, A, ones, 0, inverse)) return 0;
+  for (int j = 0; j < columns; ++j)
+    for (int i = 0; i < rows; ++i) inverse2 += inverse[j][i] * inverse[j][i];
+  return columns / std::sqrt(square * inverse2);
 }
 }  // namespace truepose::engine

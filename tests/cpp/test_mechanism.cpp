@@ -102,6 +102,29 @@ TEST_EACH(for_every,
   CHECK_NEAR(slope, 0, 1e-9);
 }
 
+TEST_EACH(for_every, "conditioning of a description is that of the robot's own models") {
+  const Robot& robot = mechanism.robot;
+  for (int i = 0; i < motors; ++i)
+    if (turns_about_z(K) && (robot.chain[i].bar >= 0 || robot.chain[i].anchor.squaredNorm() > 0))
+      return;  // a bar that turns back counts in the engine's size of θ, not in the chains'
+  check::Random random(132);
+  for (int k = 0; k < 100; ++k) {
+    const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
+    Closure closure;
+    if (!ikm(robot, pose, closure)) continue;
+    const Conditioning own(closure);
+    Built built;
+    build(robot, Layout::ideal, built);
+    Position at;
+    at.y = stand(robot, built, closure.q(), pose);
+    engine::place(built.mechanism, at);
+    CHECK_NEAR(engine::parallel(built.mechanism, at), own.parallel(), 1e-11);
+    for (int i = 0; i < motors; ++i)
+      if (robot.chain[i].actuator != Actuator::telescopic)
+        CHECK_NEAR(std::fabs(engine::serial(built.mechanism, at, i)), own.serial(i), 1e-11);
+  }
+}
+
 TEST_EACH(for_every, "readings and H_x of a description are those of the robot's own models") {
   const Robot& robot = mechanism.robot;
   check::Random random(133);

@@ -103,6 +103,11 @@ DIETMAIER = {
     ],
 }
 LEGS = [1.0, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071]
+# A 3-RPR whose six postures, the roots of a polynomial of degree six, are all real.
+THREE_RPR = {
+    "base": [[0.0, 0.0, 0.0], [1.591, 0.0, 0.0], [0.0, 1.0, 0.0]],
+    "nacelle": [[0.0, 0.0, 0.0], [1.704, 0.0, 0.0], [1.32364, 1.60967, 0.0]],
+}
 
 
 @pytest.fixture
@@ -126,6 +131,18 @@ def test_all_40_of_dietmaiers_postures_are_found_at_the_default(dietmaier, seed)
             assert np.linalg.norm(x[:3] + turned(x[3:], c) - b) == pytest.approx(length, abs=1e-12)
     apart = np.abs(modes.x[:, None] - modes.x).max(axis=2) + np.eye(40)
     assert apart.min() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("mobility", "joints", "legs", "count"),
+    [("spatial", DIETMAIER, LEGS, 40), ("planar", THREE_RPR, [1.498, 1.538, 1.2], 6)],
+)
+def test_fkm_finds_every_posture_from_1_mm_and_1_mrad_away(tmp_path, mobility, joints, legs, count):
+    modes = robot_of(tmp_path, mobility, [0.5] * len(legs), **joints).assembly_modes(legs)
+    assert len(modes) == count
+    for x in modes:
+        own = robot_of(tmp_path, mobility, x, **joints)
+        assert own.fkm(legs, x + 1e-3) == pytest.approx(x, abs=1e-9)
 
 
 def test_a_search_that_is_too_short_says_that_modes_are_missing(dietmaier):
@@ -153,10 +170,9 @@ def test_a_cuspidal_robot_goes_from_mode_to_mode_without_a_singular_pose(tmp_pat
     moves along it is never held by fewer than three legs.
     """
     x2, y2 = 0.38036, 1.60967  # the third joint: 1.654 and 2.084 from the others
-    base = [[0.0, 0.0, 0.0], [1.591, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    nacelle = [[0.0, 0.0, 0.0], [1.704, 0.0, 0.0], [x2, y2, 0.0]]
+    nacelle = [*THREE_RPR["nacelle"][:2], [x2, y2, 0.0]]
     start = np.array([-0.201, 1.372, -1.213])
-    robot = robot_of(tmp_path, "planar", start, base, nacelle)
+    robot = robot_of(tmp_path, "planar", start, THREE_RPR["base"], nacelle)
     modes = robot.assembly_modes(robot.ikm(start))
     assert len(modes) >= 4 and np.abs(modes.x[0] - start).max() < 1e-9
     end = modes.x[np.argmin(np.abs(modes.x[:, :2] - [-1.139, -0.790]).sum(axis=1))]
