@@ -234,7 +234,6 @@ def test_a_robot_of_chains_is_the_same_as_bodies_and_closures(load, anywhere, rn
         lambda r, x: r.inverse_dynamics(x, 0 * x, 0 * x),
         lambda r, x: r.mass_matrix(x),
         lambda r, x: r.rod_forces(x),
-        lambda r, x: r.conditioning(x),
         lambda r, x: r.skeleton(x),
         lambda r, x: r.gyro(x),
         lambda r, x: r.assembly_modes(r.ikm(x)),

@@ -77,6 +77,17 @@ class Drive(Section):
     )
 
 
+def check_drive(drive: Drive, actuator: str) -> None:
+    """Raise ValueError where a motor has keys that are for others, or limits in degrees or mm."""
+    for name, kinds in _OF_ACTUATORS.items():
+        field = type(drive).model_fields.get(name)
+        if field and getattr(drive, name) != field.default and actuator not in kinds:
+            must = f"{' and '.join(kinds)} {'chains' if isinstance(drive, Chain) else 'motors'}"
+            raise ValueError(f"'{name}' is for {must}, not {actuator}")
+    unlikely = not_degrees if actuator == "revolute" else not_millimetres
+    unlikely(drive.limits or (), "limits = ")
+
+
 class Chain(Drive):
     """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
 
@@ -127,12 +138,7 @@ class Chain(Drive):
         for name, needed in (("arm", turns), ("rod", self.actuator != "telescopic")):
             if needed and getattr(self, name) is None:
                 raise ValueError(f"a {self.actuator} chain needs '{name}' (m)")
-        for name, kinds in _OF_ACTUATORS.items():
-            unusual = getattr(self, name) != type(self).model_fields[name].default
-            if unusual and self.actuator not in kinds:
-                must = f"{' and '.join(kinds)} chains"
-                raise ValueError(f"'{name}' is for {must}, not {self.actuator}")
-        (not_degrees if turns else not_millimetres)(self.limits or (), "limits = ")
+        check_drive(self, self.actuator)
         lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
         if turns and abs(lean) > 1e-6:
             raise ValueError(f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}")

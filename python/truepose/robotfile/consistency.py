@@ -9,6 +9,7 @@ from truepose import _core
 from truepose.exceptions import choose
 from truepose.robotfile import mechanism_checks
 from truepose.robotfile.base import NO_READING, Problem, not_degrees, not_millimetres
+from truepose.robotfile.mechanism import freedoms
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import units_in
 
@@ -120,8 +121,8 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
             text = f"{what}: {kind} is for mechanisms of [[body]] and [[closure]]"
             yield Problem((*path, "kind"), text)
             continue
-        keys = mechanism_checks.MECHANISM_KEYS if hasattr(part, "closure") else ("body", "motor")
-        for key in keys if kind else ():
+        rods = ("closure", "axis", "zero") if hasattr(part, "closure") else ()
+        for key in ("body", "motor", *rods) if kind else ():
             if getattr(part, key, None) not in (None, "platform"):
                 yield Problem((*path, key), f"{what}: {key} is for mechanisms of [[body]]")
         if kind and _core.sensor_kinds[kind].of_chain and part.chain is None:
@@ -147,11 +148,11 @@ def _names(spec: RobotFile) -> Iterator[Problem]:
             if taken(name) or (what == "axis" and name == "step"):
                 text = f"{what} {name}: logs and parameters use this name for something else"
                 yield Problem(path, text)
-    for path, name in mechanism_checks.named_freedoms(spec):
-        if taken(name) or name == "step":
-            yield Problem(
-                path, f"freedom {name}: logs and parameters use this name for something else"
-            )
+    motors = [motor.name for motor in spec.motor]
+    for name in freedoms(spec.body):
+        if name not in motors and (taken(name) or name == "step"):
+            text = f"freedom {name}: logs and parameters use this name for something else"
+            yield Problem(("body",), text)
     known = [sensor.name for sensor in spec.sensor]
     for number, name in enumerate(spec.sensors):
         if name not in known:

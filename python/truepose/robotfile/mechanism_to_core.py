@@ -1,6 +1,5 @@
 """The core's structs of a mechanism of bodies and closures."""
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -36,17 +35,12 @@ def indices(spec: RobotFile) -> dict[str, int]:
     return {"base": -1} | {of.body.name: k for k, of in enumerate(singles(spec.body))}
 
 
-def motor_of(spec: RobotFile, body: str) -> str | None:
-    """Return the one motor that moves a body or one that carries it; None: none or several."""
-    known = {of.name: of for of in spec.body}
-    found = [of.motor for of in _carriers(known, body) if of.motor]
-    return found[0] if len(found) == 1 else None
-
-
-def _carriers(known: dict, body: str) -> Iterator:
-    while body in known:
-        yield known[body]
-        body = known[body].on
+def motors_of(spec: RobotFile, body: str) -> list[str]:
+    """Return the motors that move a body, or one that carries it."""
+    own = [of for of in spec.body if of.name == body]
+    return [*filter(None, [of.motor for of in own])] + [
+        m for of in own for m in motors_of(spec, of.on)
+    ]
 
 
 def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
@@ -79,8 +73,8 @@ def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
             own.driven = freedom[rod.motor or ""]
         else:
             own.length = rod.length
-            if motor := motor_of(spec, rod.base_body):
-                own.motor, own.mode = freedom[motor], rod.working_mode or 0
+            if len(motors := motors_of(spec, rod.base_body)) == 1:
+                own.motor, own.mode = freedom[motors[0]], rod.working_mode or 0
         closures.append(own)
     start = spec.start | dict(zip(order[spec.m :], spec.home, strict=False))
     y = [start.get(name, 0.0) for name in order]

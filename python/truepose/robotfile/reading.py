@@ -54,8 +54,8 @@ SHORTHAND = {
     "chain_defaults": "keys of 'chain' that all chains share; a chain's own key wins",
     "motor_defaults": "keys of 'motor' that all motors of a mechanism share",
 }
-#: Of each table written out, its index in the file; of motors none where the file has no table.
-Sources = dict[str, list[int | None]]
+#: Of each table written out, its index in the file.
+Sources = dict[str, list[int]]
 #: Largest robot file. A calibration of the most parameters possible takes 0.7 MB.
 MOST_BYTES = 1_000_000
 
@@ -207,15 +207,15 @@ def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnyS
 
 def where_written(location: tuple, data: dict, sources: Sources) -> tuple:
     """Return where the file has a table's key: in a motif, or shared by all chains or motors."""
-    of = sources.get(location[0], []) if len(location) > 1 else []
-    if not isinstance(location[1:] and location[1], int) or location[1] >= len(of):
+    top, number, *rest = (*location, None, None)[: max(len(location), 2)]
+    of = sources.get(top, [])
+    if not isinstance(number, int) or number >= len(of):
         return location
-    top, number, *rest = location[0], of[location[1]], *location[2:]
     own, shared = tables(data, top), data.get(f"{top}_defaults", {})
-    written = number is not None and number < len(own)
-    if rest and rest[0] in shared and not (written and rest[0] in own[number]):
+    number = of[number]
+    if rest and rest[0] in shared and not (number < len(own) and rest[0] in own[number]):
         return (f"{top}_defaults", *rest)
-    return (top,) if number is None else (top, number, *rest)
+    return (top, number, *rest)
 
 
 def written_out(data: dict) -> tuple[dict, Sources, list[Problem]]:
@@ -243,7 +243,7 @@ def written_out(data: dict) -> tuple[dict, Sources, list[Problem]]:
         raise RobotFileError((f"{unfit}_defaults",), f"{unfit}_defaults: not in a file of {others}")
     if mechanism:
         whole = {"mobility": "mechanism", "chain": []} | whole
-        _list_motors(whole, shared["motor"], sources)
+        _list_motors(whole, shared["motor"])
     whole = in_si(whole, factors, lambda path: where_written(path, data, sources))
     for top, of in written.items():
         if pattern and top != "motor":
@@ -270,23 +270,13 @@ def _repeated(whole: dict) -> tuple[Pattern | None, dict[str, list[Copy]], list[
     return pattern, written, problems
 
 
-def _list_motors(whole: dict, shared: dict, sources: Sources) -> None:
+def _list_motors(whole: dict, shared: dict) -> None:
     """Give each motor of a mechanism a table, in the order of their numbers; others last."""
-    named = {
-        of["motor"] for top in ("body", "closure") for of in tables(whole, top) if "motor" in of
-    }
-    names = sorted(map(str, named), key=lambda name: (len(name), name))
-    given = tables(whole, "motor")
-    place = {str(of.get("name")): k for k, of in enumerate(given)}
-    order = [place.get(name) for name in names]
-    order += [k for k in range(len(given)) if k not in order]
-    every = [{"name": name} for name in names] + [{}] * (len(order) - len(names))
-    whole["motor"] = [
-        shared | start | (given[k] if k is not None else {})
-        for start, k in zip(every, order, strict=True)
-    ]
-    of = sources.get("motor", [])
-    sources["motor"] = [None if k is None else of[k] for k in order]
+    movers = [*tables(whole, "body"), *tables(whole, "closure")]
+    names = {str(of["motor"]) for of in movers if "motor" in of}
+    own = {str(of.get("name")): of for of in tables(whole, "motor")}
+    order = [*sorted(names, key=lambda name: (len(name), name)), *(own.keys() - names)]
+    whole["motor"] = [shared | {"name": name} | own.get(name, {}) for name in order]
 
 
 def _base(name: object) -> dict:

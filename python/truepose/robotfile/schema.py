@@ -218,7 +218,7 @@ class RobotFile(Section):
         (),
     )
     home: Pose = key("a pose well inside the workspace, one value a freedom")
-    start: Annotated[dict[Word, Number], unit("m or rad")] = key(
+    start: Annotated[dict[str, Number], unit("m or rad")] = key(
         "of a mechanism: where motors and freedoms that follow start to close it at home, 0 by "
         "default; selects the assembly",
         {},

@@ -1,7 +1,6 @@
 """Parameters ξ of a robot, and the core's structs from its file."""
 
 import math
-from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
 from truepose.robotfile.base import ARMS, COMMON, Section, Vector
 from truepose.robotfile.chains import Chain
-from truepose.robotfile.mechanism import Body, Closure, Motor, actuators, singles
+from truepose.robotfile.mechanism import singles
 from truepose.robotfile.mechanism_to_core import (
     equations,
     freedoms_in_order,
@@ -20,7 +19,7 @@ from truepose.robotfile.mechanism_to_core import (
     set_mechanism,
 )
 from truepose.robotfile.schema import Bar, Compliance, RobotFile
-from truepose.robotfile.sensors import SENSORS, Encoder, RodAngle, Sensor, SensorSection
+from truepose.robotfile.sensors import Encoder, RodAngle, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
 PAIRED = ("translation", "schoenflies")
@@ -58,88 +57,51 @@ def motor_unit(actuator: str) -> str:
     return "rad" if actuator == "revolute" else "m"
 
 
-def _motor_keys(actuator: str) -> list[str]:
-    """Return the parameters of a motor and its encoder."""
-    revolute = actuator == "revolute"
-    return [
-        "encoder_offset",
-        *_ECCENTRICITY * revolute,
-        "gain",
-        *["spool_buildup"] * (not revolute),
-    ]
-
-
-def mechanism_units(
-    bodies: Collection[Body], closures: Collection[Closure], motors: Collection[Motor]
-) -> dict[str, str]:
-    """Return the unit of every parameter of a mechanism without its sensors, by name."""
-    units: dict[str, str] = {}
-    moved = actuators(bodies, closures)
-    for motor in motors:
-        actuator = moved.get(motor.name, "")
-        own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
-        units |= {f"{motor.name}.{key}": own[key] for key in _motor_keys(actuator)}
-    for single in singles(bodies):
-        if single.own:
-            of = dict(_core.axis_parameters) | {"zero": "rad" if single.turns else "m"}
-            units |= {f"{single.body.name}.{_axis_key(key)}": unit for key, unit in of.items()}
-    for closure in closures:
-        for key, unit in _core.closure_parameters:
-            member = key.partition(".")[0]
-            if member in ("base", "anchor") or getattr(closure, member, None):
-                units[f"{closure.name}.{key}"] = unit
-    return units
-
-
-def _axis_key(core: str) -> str:
-    """Return a body's key for one of the core's parameters of a joint."""
-    return core.replace("direction", "axis")
-
-
-def units_of(
-    mobility: str,
-    chains: Collection[str],  #: their actuators
-    bars: int,
-    sensors: Iterable[tuple[str, str]],  #: name and kind
-    axes: int,
-    stretches: bool = True,
-    mechanism: dict[str, str] | None = None,  #: units of its parameters
-) -> dict[str, str]:
-    """Return the unit of every geometric parameter of these parts, by name; "" for none."""
-    units = dict(mechanism or {})
-    for number, actuator in enumerate(chains, 1):
-        revolute = actuator == "revolute"
-        keys = [*_xyz("base", "anchor"), "yaw", "tilt", *_motor_keys(actuator)]
-        keys += ["rod_difference", "rod_spacing"] * (mobility in PAIRED)
-        keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
-        keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
-        own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
-        units |= {f"chain{number}.{key}": own[key] for key in keys}
-    units |= {f"bar{number}.pivot": "m" for number in range(1, bars + 1)}
-    if stretches and mechanism is None:
-        units[COMMON] = _CHAIN_UNITS["compliance"]
-        if "revolute" in chains:
-            units[ARMS] = _CHAIN_UNITS["arm_compliance"]
-    for name, kind in sensors:
-        for core, unit in _core.sensor_parameters:
-            if key := file_key(SENSORS[kind], core):
-                own_unit = _core.sensor_kinds[kind].unit if unit == "reading" else unit
-                units[f"{name}.{key}"] = own_unit
-    for number in range(1, axes + 1):
-        units |= {
-            f"axis{number}.{key}": unit for key, unit in _core.axis_parameters if key != "zero"
-        }
-    return units
-
-
 def units_in(spec: RobotFile, stretches: bool = True) -> dict[str, str]:
-    """Return the unit of every geometric parameter of a robot file, by name."""
-    chains = [chain.actuator for chain in spec.chain]
-    sensors = [(sensor.name, sensor.kind) for sensor in spec.sensor]
-    axes, own = len(spec.passive_axis), None
-    if spec.mobility == "mechanism":
-        own = mechanism_units(spec.body, spec.closure, spec.motor)
-    return units_of(spec.mobility, chains, len(spec.bar), sensors, axes, stretches, own)
+    """Return the unit of every geometric parameter of a robot file, by name; "" for none."""
+    units: dict[str, str] = {}
+    for i, actuator in enumerate(spec.actuators):
+        revolute = actuator == "revolute"
+        keys = ["encoder_offset", *_ECCENTRICITY * revolute, "gain"]
+        keys += ["spool_buildup"] * (not revolute)
+        if spec.chain:
+            keys = [*_xyz("base", "anchor"), "yaw", "tilt", *keys]
+            keys += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
+            keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
+            keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
+        own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
+        units |= {spec.of_motor(i, key): own[key] for key in keys}
+    units |= {f"bar{number}.pivot": "m" for number in range(1, len(spec.bar) + 1)}
+    if stretches and spec.chain:
+        units[COMMON] = _CHAIN_UNITS["compliance"]
+        if "revolute" in spec.actuators:
+            units[ARMS] = _CHAIN_UNITS["arm_compliance"]
+    for sensor in spec.sensor:
+        for core, unit in _core.sensor_parameters:
+            if key := file_key(type(sensor), core):
+                own_unit = _core.sensor_kinds[sensor.kind].unit if unit == "reading" else unit
+                units[f"{sensor.name}.{key}"] = own_unit
+    for part, turns in _axes(spec):
+        own = dict(_core.axis_parameters) | {"zero": "rad" if turns else "m"}
+        units |= {_of_axis(part, key): unit for key, unit in own.items() if part}
+    for closure in spec.closure:
+        for key, unit in _core.closure_parameters:
+            if getattr(closure, key.partition(".")[0]) is not None:
+                units[f"{closure.name}.{key}"] = unit
+    return {name: unit for name, unit in units.items() if name}
+
+
+def _axes(spec: RobotFile) -> list[tuple[str, bool]]:
+    """Return name and kind of each passive axis, or slide or hinge; "": it has no parameters."""
+    axes = [(f"axis{j}", True) for j in range(1, len(spec.passive_axis) + 1)]
+    return axes + [(of.body.name * of.own, of.turns) for of in singles(spec.body)]
+
+
+def _of_axis(part: str, core: str) -> str:
+    """Return a parameter's name; "": of a passive axis, which has no zero."""
+    if part.startswith("axis"):
+        return f"{part}.{core}" if core != "zero" else ""
+    return f"{part}.{core.replace('direction', 'axis')}"
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
@@ -171,17 +133,12 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
     for sensor in spec.used:
         keys = [file_key(type(sensor), core) for core, _ in _core.sensor_parameters]
         names += [key and f"{sensor.name}.{key}" for key in keys]
-    axes = range(1, len(spec.passive_axis) + 1)
-    parts = [f"axis{j}." for j in axes]
-    parts += [f"{single.body.name}." * single.own for single in singles(spec.body)]
     keys = [key for key, _ in _core.axis_parameters]
-    names += [part and part + key for part in parts for key in keys]
+    names += [part and _of_axis(part, key) for part, _ in _axes(spec) for key in keys]
     names += [f"{c.name}.{key}" for c in spec.closure for key, _ in _core.closure_parameters]
-    if spec.mobility == "mechanism":
-        known = units_in(spec)
-        names = [_axis_key(name) if name not in known else name for name in names]
-        names = [name * (name in known) for name in names]
-    return [(name, k) for k, name in enumerate(names) if name]
+    known = None if spec.chain else units_in(spec)
+    every = enumerate(names)
+    return [(name, k) for k, name in every if name and (known is None or name in known)]
 
 
 def file_key(kind: type[SensorSection], core: str) -> str:
