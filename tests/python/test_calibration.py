@@ -165,7 +165,9 @@ def test_other_sensors_keep_what_was_learnt(fit):
 def test_check_accepts_a_calibrated_file(fit, run, tmp_path):
     fit.robot.save(tmp_path / "mine.toml")
     status, out, err = run("check", "mine.toml")
-    assert (status, err) == (0, "") and out.startswith("mine.toml: delta, n = 3 motors, r = 3")
+    assert (status, err) == (0, "") and out.startswith(
+        "mine.toml: delta, n = 3 freedoms, m = 3 motors, r = 3"
+    )
     assert out.endswith("mine.toml: ok\n")
 
 
