@@ -112,8 +112,9 @@ Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Join
     (telescopic(i) ? chain.encoder_offset : chain.rod) +=
         telescopic(i) ? length / by.rate[i] : length;
     chain.rod_difference += compliance[i] * by.difference[i];
-    result.by_arm[i] = chain.actuator == Actuator::revolute ? chain.encoder_gain * by.torque[i] : 0;
-    chain.encoder_offset -= arms[i] * result.by_arm[i];
+    if (chain.actuator != Actuator::revolute) continue;
+    const double by_arm = result.by_compliance[i][n + i] = chain.encoder_gain * by.torque[i];
+    chain.encoder_offset -= arms[i] * by_arm;
   }
   PoseRows H_x;
   outcome = linearise(level, longer, pose, result.q_e, H_x, H_xi);

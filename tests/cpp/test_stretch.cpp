@@ -140,7 +140,7 @@ TEST("an arm turns by its compliance times the torque at which its motor holds t
         const bool arm = flat.chain[i].actuator == Actuator::revolute;
         const double turns = arm ? flat.chain[i].encoder_gain * torque[i] : 0;
         const double off = full ? 1e-3 * (1 + std::fabs(turns)) : 1e-9;
-        CHECK_NEAR(soft.by_arm[i], turns, off);
+        CHECK_NEAR(soft.by_compliance[i][flat.motors + i], turns, off);
         CHECK_NEAR(soft.q_e[i] - stiff.q_e[i], 1e-5 * turns, 1e-5 * off + 1e-13);
       }
       for (int c = robot.motors; c < readings(robot); ++c)

@@ -32,7 +32,7 @@ def full_level(robot: _core.Robot) -> FullLevel:
     count = f"{full.rods} rods, {full.unknowns} freedoms"
     free = ""
     if full.kind == kinds.loose:
-        rows = np.asarray(_core.full_rod_rows(robot))
+        rows = robot.rod_rows(True)
         names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
         free = f"the rods do not constrain the platform against {_not_held(rows, names)}"
     exists, reason = {
@@ -49,11 +49,10 @@ def full_level(robot: _core.Robot) -> FullLevel:
 def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
     """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
     status, chain = failure
-    home = list(spec.home)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
     words += f", chain {chain + 1}" if chain >= 0 else ""
     if status == _core.unreachable:
-        gap = _core.shortfall(robot, home, chain)[0][0]
+        gap = robot.shortfall(chain)
         words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
     elif status == _core.joint_limit:
         words += f"{'' if chain < 0 else ':'} {beyond(robot, spec, np.array(spec.home), chain)}"
@@ -62,9 +61,9 @@ def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> st
         how = "arm and rod are in line" if revolute else "rod is perpendicular to its rail"
         words += f": its {how}"
     elif status == _core.singular and spec.passive_axis:
-        words += f": {_not_turned(robot, spec, home)}"
+        words += f": {_not_turned(robot, spec)}"
     elif status == _core.singular:
-        rows = _core.rod_rows(robot, home)[0][0]
+        rows = robot.rod_rows(False)
         free = _not_held(rows, [name for name, _ in spec.coordinates])
         words += f": the chains do not constrain the platform against {free}"
     return words
@@ -83,13 +82,13 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
     return f"{position:.6g} of [{low:.6g}, {high:.6g}]"
 
 
-def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
+def _not_turned(robot: _core.Robot, spec: RobotFile) -> str:
     """Say which passive axes coincide at home, or which of them no motor turns."""
     lines = zip(spec.passive_axis, passive_axes(robot, spec.home), strict=True)
     for (axis, (p, a)), (other, (o, b)) in itertools.combinations(lines, 2):
         if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
             return f"axes {axis.name} and {other.name} coincide"
-    rows = _core.rod_rows(robot, home)[0][0]
+    rows = robot.rod_rows(False)
     for i in range(spec.m):
         if np.abs(rows[i]).max() <= _HELD * np.abs(rows).max():
             return f"chain {i + 1}: its rod runs through every axis, or along it: no torque"
