@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from answers import answer, some
+from fixtures import CHAINED
 
 import truepose as tp
 from truepose import _core
@@ -152,7 +153,7 @@ def holding_torque(robot, x):
     return np.linalg.lstsq(np.transpose(pushed), -weight)[0]
 
 
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_every_robot_stands_closed_at_home(name, rng):
     truth = imperfect(tp.load(name), rng, turned=bool(tp.load(name).full))
     body = Body(truth)
@@ -177,7 +178,7 @@ def test_both_rods_of_a_pair_are_there(h4):
     assert ends == pytest.approx([0.4805, 0.4795], abs=1e-12)
 
 
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_statics_agree_with_every_rod_by_itself(name, rng, settings):
     """Motors held anywhere: 1 µm and 1e-5 rad, with errors of geometry, axes and rods.
 
@@ -213,7 +214,7 @@ def test_motors_where_no_pose_closes_the_loops():
         MujocoPlant(tp.load("five-bar")).settle_at([3.1, 0.04])
 
 
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_accelerations_are_the_reduced_models(name, rng):
     """Slender rods, arms, bars, legs: to rounding against MuJoCo's own rigid equations."""
     truth = imperfect(tp.load(name), rng, turned=False)
@@ -229,7 +230,7 @@ def test_accelerations_are_the_reduced_models(name, rng):
         assert error < 1e-8 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_motion_under_torques_is_the_reduced_models(name, rng, settings):
     """What MuJoCo's solver makes of soft loops, once they have taken up the load: 0.5 %."""
     truth = imperfect(tp.load(name), rng, turned=False)
@@ -246,7 +247,7 @@ def test_motion_under_torques_is_the_reduced_models(name, rng, settings):
         assert error < 5e-3 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_one_second_of_free_motion_is_the_reduced_models(name, rng):
     """From home at 0.03 m/s or rad/s and more, under the torques that would hold it there."""
     truth = imperfect(tp.load(name), rng, turned=False)

@@ -7,6 +7,7 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
+from truepose.robot import flaws
 from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
 
@@ -49,8 +50,10 @@ def full_level(robot: _core.Robot) -> FullLevel:
 def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
     """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
     status, chain = failure
+    if spec.mobility == "mechanism" and status != _core.joint_limit:
+        return flaws.at_home(robot, spec, status, chain)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
-    words += f", chain {chain + 1}" if chain >= 0 else ""
+    words += f", {part(spec, status, chain)}" if chain >= 0 else ""
     if status == _core.unreachable:
         gap = robot.shortfall(chain)
         words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
@@ -64,9 +67,14 @@ def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> st
         words += f": {_not_turned(robot, spec)}"
     elif status == _core.singular:
         rows = robot.rod_rows(False)
-        free = _not_held(rows, [name for name, _ in spec.coordinates])
+        free = _not_held(rows, [name for name, _ in spec.coordinate_units])
         words += f": the chains do not constrain the platform against {free}"
     return words
+
+
+def part(spec: RobotFile, status: int, k: int) -> str:
+    """Name the part in an outcome: a chain, or of a mechanism a closure or a motor."""
+    return flaws.part(spec, status, k) if spec.mobility == "mechanism" else f"chain {k + 1}"
 
 
 def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool = False) -> str:
@@ -78,7 +86,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
                 return f"of axis {axis.name}: {angle:.6g} of [{low:.6g}, {high:.6g}]"
     q, _, _ = _core.ikm(robot.without_limits(), np.ascontiguousarray(x[None]), full)
     position = robot.motor_position(chain, q[0, chain])
-    low, high = spec.chain[chain].limits or (-np.inf, np.inf)
+    low, high = spec.motors[chain].limits or (-np.inf, np.inf)
     return f"{position:.6g} of [{low:.6g}, {high:.6g}]"
 
 
