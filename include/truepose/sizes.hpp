@@ -24,5 +24,5 @@ static_assert(kMaxReadings == kMaxMotors + kMaxSensors);
 using Coordinates = std::array<Real, kMaxDof>;    ///< of the platform: x, a twist, a small motion
 using Joint = std::array<Real, kMaxMotors>;       ///< of the motors: q, torques
 using Reading = std::array<Real, kMaxSensors>;    ///< anything of size r
-using Extended = std::array<Real, kMaxReadings>;  ///< anything of size n + r
+using Extended = std::array<Real, kMaxReadings>;  ///< anything of size m + r
 }  // namespace truepose

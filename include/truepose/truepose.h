@@ -912,8 +912,9 @@ typedef union truepose_start_test {
   unsigned char bytes[8192];
 } truepose_start_test;
 TRUEPOSE_API size_t truepose_start_test_size(void);
-/** Begins a test. @param settings  may be null @return OTHER_VERSION, TOO_SMALL; NO_SUCH_VALUE:
- * limits that contradict themselves, `part`: the motor */
+/** Begins a test. @param settings  may be null @return OTHER_VERSION, TOO_SMALL; NOT_SQUARE: more
+ * motors than freedoms, so that brakes hold each; NO_SUCH_VALUE: limits that contradict themselves,
+ * `part`: the motor */
 TRUEPOSE_API truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size,
                                                        const truepose_model* model,
                                                        const truepose_start_settings* settings,

@@ -81,21 +81,18 @@ truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepo
                                 truepose_servo_cycle* cycle) {
   const Law by{law};
   if (!c::law_exists(by)) return c::answer(Status::no_such_part);
-  return c::with(model)([&](const Robot& robot) {
+  return c::with(model, q_e)([&](const Robot& robot, const Extended& read) {
     const c::Known weighs(robot, known, work, nullptr, properties(by).weighs);
     if (!weighs.sound) return weighs.sound;
-    return c::servo(robot, by, band, x_d, c::in<Extended>(q_e), weighs.weighing, nullptr, cycle);
+    return c::servo(robot, by, band, x_d, read, weighs.weighing, nullptr, cycle);
   });
 }
 
 truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
-  return c::computed(model, joints, c::in<AxisState>(joints),
-                     [&](const Robot& robot, AxisState& found) -> Outcome {
-                       if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
-                       return joint_state(robot, c::in<AxisState>(motors), cap, found);
-                     });
+  if (cap < 1 || cap > kFkmCap) return c::answer(Status::no_such_value);
+  return c::with(model, motors, cap, c::Both{joints})(joint_state);
 }
 
 truepose_outcome truepose_motor_command(const truepose_model* model,
@@ -103,10 +100,7 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
                                         const truepose_axis_state* joints,
                                         const truepose_axis_command* wanted,
                                         truepose_axis_command* given) {
-  return c::computed(model, given, AxisCommand{}, [&](const Robot& robot, AxisCommand& found) {
-    return motor_command(robot, c::in<AxisState>(motors), c::in<AxisState>(joints),
-                         c::in<AxisCommand>(wanted), found);
-  });
+  return c::with(model, motors, joints, wanted, given)(motor_command);
 }
 
 void truepose_control_defaults(truepose_control_settings* settings) {
@@ -116,11 +110,8 @@ void truepose_control_defaults(truepose_control_settings* settings) {
 truepose_outcome truepose_place_poles(const truepose_model* model, const truepose_real* x,
                                       truepose_real frequency, truepose_real damping,
                                       truepose_control_settings* settings) {
-  return c::computed(model, settings, c::in<ControlSettings>(settings),
-                     [&](const Robot& robot, ControlSettings& placed) -> Outcome {
-                       if (!(frequency > 0 && damping > 0)) return {Status::no_such_value};
-                       return place_poles(robot, c::in<Coordinates>(x), frequency, damping, placed);
-                     });
+  if (!(frequency > 0 && damping > 0)) return c::answer(Status::no_such_value);
+  return c::with(model, x, frequency, damping, c::Both{settings})(place_poles);
 }
 
 size_t truepose_controller_size(void) { return sizeof(c::Controller); }

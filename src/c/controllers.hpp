@@ -78,4 +78,18 @@ Outcome take_sound(const typename Described<Core>::type& given, Core& all) {
   const Outcome outcome = take(given, all);
   return outcome ? sound(all) : outcome;
 }
+
+/// Settings that follow from a robot and its controller's: f(robot, control, found).
+template <class Core, class C>
+auto derived(const truepose_model* model, const truepose_control_settings* settings, C* to,
+             Outcome (*f)(const Robot&, const ControlSettings&, Core&)) {
+  return with(model)([&](const Robot& robot) {
+    ControlSettings all;
+    Outcome outcome = take(*settings, all);
+    Core found{};
+    if (outcome) outcome = f(robot, all, found);
+    if (outcome) out(found, to);
+    return outcome;
+  });
+}
 }  // namespace truepose::c

@@ -33,10 +33,11 @@ struct Field {
   }
 };
 
-/// A struct's table, and the size of the struct in C.
+/// A struct's table, the size of the struct in C, and its name in the core.
 struct Table {
   std::span<const Field> fields;
   int size;
+  const char* name = "";
 };
 
 namespace fields_detail {
@@ -85,7 +86,8 @@ constexpr bool complete(std::span<const Field> fields, std::size_t end) {
 template <class Core>
 struct Described;
 template <class Core>
-inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size};
+inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size,
+                                Described<Core>::name};
 
 #define TRUEPOSE_FIELD(C, Core, member) \
   fields_detail::field<decltype(C::member)>(#member, offsetof(C, member)),
@@ -97,61 +99,55 @@ inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size};
     else                                                                                           \
       return true;                                                                                 \
   }(static_cast<Core*>(nullptr)));
-// TRUEPOSE_TABLE(C, Core, end, a, b, …): all members of C up to `end` bytes.
-#define TRUEPOSE_TABLE(C, Core, end, ...)                                                    \
+// TRUEPOSE_TABLE(C, Core, a, b, …): all members of C; TRUEPOSE_TABLE_TO: up to `end` bytes.
+#define TRUEPOSE_TABLE(C, Core, ...) TRUEPOSE_TABLE_TO(C, Core, sizeof(C), __VA_ARGS__)
+#define TRUEPOSE_TABLE_TO(C, Core, end, ...)                                                 \
   template <>                                                                                \
   struct Described<Core> {                                                                   \
     using type = C;                                                                          \
     static constexpr Field fields[] = {TRUEPOSE_EACH(TRUEPOSE_FIELD, C, Core, __VA_ARGS__)}; \
+    static constexpr const char* name = #Core;                                               \
     static constexpr int size = sizeof(C);                                                   \
   };                                                                                         \
   static_assert(std::is_trivially_copyable_v<Core> && sizeof(C) <= sizeof(Core));            \
   static_assert(fields_detail::complete(Described<Core>::fields, end));                      \
   TRUEPOSE_EACH(TRUEPOSE_SAME_PLACE, C, Core, __VA_ARGS__)
 
-TRUEPOSE_TABLE(truepose_chain, Chain, sizeof(truepose_chain), actuator, working_mode, bar, unused,
-               base, axis, zero, pivot, anchor, pair_axis, pair_drawn, arm, rod, rod_spacing,
-               rod_difference, encoder_offset, encoder_gain, encoder_buildup, gear, eccentricity,
-               encoder_step, encoder_noise, low, high, torque_limit, drive_inertia, arm_mass,
-               rod_mass, viscous, coulomb)
-TRUEPOSE_TABLE(truepose_sensor, Sensor, sizeof(truepose_sensor), kind, chain, at_nacelle, rod, bar,
-               axis, gain, offset, gear, eccentricity, step, noise, weight, origin, direction,
-               target, normal)
-TRUEPOSE_TABLE(truepose_body, Body, sizeof(truepose_body), bar, unused, mass, pivot, anchor,
-               inertia)
-TRUEPOSE_TABLE(truepose_axis, PassiveAxis, sizeof(truepose_axis), origin, direction, low, high)
-TRUEPOSE_TABLE(truepose_description, Robot, offsetof(truepose_description, chain), abi, size,
-               mobility, chains, motors, sensors, bodies, bar_joint, level, unused, gravity, home)
-TRUEPOSE_TABLE(truepose_control_settings, ControlSettings, sizeof(truepose_control_settings), size,
-               law, gains, feed_forward, sigma_scale, unused, period, velocity_bandwidth,
-               damped_below, lead_out, kp, kd, ki)
-TRUEPOSE_TABLE(truepose_fault_monitor_settings, FaultMonitorSettings,
-               sizeof(truepose_fault_monitor_settings), size, refresh, coast, decide, spikes,
-               within, period, false_alarm, replaceable, correlation, stop, stop_lost, held,
+TRUEPOSE_TABLE(truepose_chain, Chain, actuator, working_mode, bar, unused, base, axis, zero, pivot,
+               anchor, pair_axis, pair_drawn, arm, rod, rod_spacing, rod_difference, encoder_offset,
+               encoder_gain, encoder_buildup, gear, eccentricity, encoder_step, encoder_noise, low,
+               high, torque_limit, drive_inertia, arm_mass, rod_mass, viscous, coulomb)
+TRUEPOSE_TABLE(truepose_sensor, Sensor, kind, chain, at_nacelle, rod, bar, axis, gain, offset, gear,
+               eccentricity, step, noise, weight, origin, direction, target, normal)
+TRUEPOSE_TABLE(truepose_body, Body, bar, unused, mass, pivot, anchor, inertia)
+TRUEPOSE_TABLE(truepose_axis, PassiveAxis, origin, direction, low, high)
+TRUEPOSE_TABLE_TO(truepose_description, Robot, offsetof(truepose_description, chain), abi, size,
+                  mobility, chains, motors, sensors, bodies, bar_joint, level, unused, gravity,
+                  home)
+TRUEPOSE_TABLE(truepose_control_settings, ControlSettings, size, law, gains, feed_forward,
+               sigma_scale, unused, period, velocity_bandwidth, damped_below, lead_out, kp, kd, ki)
+TRUEPOSE_TABLE(truepose_fault_monitor_settings, FaultMonitorSettings, size, refresh, coast, decide,
+               spikes, within, period, false_alarm, replaceable, correlation, stop, stop_lost, held,
                fastest, moved, kp, kd, rests, shaken, low, high, growth, memory)
-TRUEPOSE_TABLE(truepose_momentum_settings, MomentumSettings, sizeof(truepose_momentum_settings),
-               size, carry, period, bandwidth, alarm, share, named, kept, window, over, sigma, give)
-TRUEPOSE_TABLE(truepose_multirate_settings, MultirateSettings, sizeof(truepose_multirate_settings),
-               size, stamped, every, age, period, sensitivity)
-TRUEPOSE_TABLE(truepose_safety_limits, SafetyLimits, sizeof(truepose_safety_limits), size, window,
-               age, counter_bits, period, saturation, clipped, missing, held, stop, brake,
-               standstill, torque, slew, tracking, deviation, speed, count, still, kp, kd, rests,
-               low, high, box_low, box_high)
-TRUEPOSE_TABLE(truepose_start_settings, StartSettings, sizeof(truepose_start_settings), size, pairs,
-               motion, radius, pulse, settle, brake_opens, inertia, weight, false_alarm, friction)
-TRUEPOSE_TABLE(truepose_servo_cycle, ServoCycle, sizeof(truepose_servo_cycle), q_d, error, J, tej,
-               x)
-TRUEPOSE_TABLE(truepose_axis_state, AxisState, sizeof(truepose_axis_state), position, velocity,
-               torque)
-TRUEPOSE_TABLE(truepose_setpoint, Setpoint, sizeof(truepose_setpoint), x, rate, acceleration)
-TRUEPOSE_TABLE(truepose_path_clock, PathClock, sizeof(truepose_path_clock), time, rate, slowing,
-               since)
-TRUEPOSE_TABLE(truepose_disturbance, DisturbanceReport, sizeof(truepose_disturbance), kind, motor,
-               refused, size, sigma, chi2, force)
-TRUEPOSE_TABLE(truepose_safety_report, SafetyReport, sizeof(truepose_safety_report), state, cause,
-               part, refused, causes, brakes, follows, unused, path_stop, torque)
-TRUEPOSE_TABLE(truepose_start_report, StartReport, sizeof(truepose_start_report), state, finding,
-               part, other, candidates, exchangeable, brakes, motor, torque, scale, sigma)
+TRUEPOSE_TABLE(truepose_momentum_settings, MomentumSettings, size, carry, period, bandwidth, alarm,
+               share, named, kept, window, over, sigma, give)
+TRUEPOSE_TABLE(truepose_multirate_settings, MultirateSettings, size, stamped, every, age, period,
+               sensitivity)
+TRUEPOSE_TABLE(truepose_safety_limits, SafetyLimits, size, window, age, counter_bits, period,
+               saturation, clipped, missing, held, stop, brake, standstill, torque, slew, tracking,
+               deviation, speed, count, still, kp, kd, rests, low, high, box_low, box_high)
+TRUEPOSE_TABLE(truepose_start_settings, StartSettings, size, pairs, motion, radius, pulse, settle,
+               brake_opens, inertia, weight, false_alarm, friction)
+TRUEPOSE_TABLE(truepose_servo_cycle, ServoCycle, q_d, error, J, tej, x)
+TRUEPOSE_TABLE(truepose_axis_state, AxisState, position, velocity, torque)
+TRUEPOSE_TABLE(truepose_setpoint, Setpoint, x, rate, acceleration)
+TRUEPOSE_TABLE(truepose_path_clock, PathClock, time, rate, slowing, since)
+TRUEPOSE_TABLE(truepose_disturbance, DisturbanceReport, kind, motor, refused, size, sigma, chi2,
+               force)
+TRUEPOSE_TABLE(truepose_safety_report, SafetyReport, state, cause, part, refused, causes, brakes,
+               follows, unused, path_stop, torque)
+TRUEPOSE_TABLE(truepose_start_report, StartReport, state, finding, part, other, candidates,
+               exchangeable, brakes, motor, torque, scale, sigma)
 
 // Parts of a robot are arrays of the structs above.
 static_assert(offsetof(truepose_description, sensor) == offsetof(Robot, sensor) &&

@@ -43,16 +43,7 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
   Pose at;
   const Outcome sound = body(pose, at);
   if (!sound) return sound;
-  if (turns_about_z(robot.mobility)) {
-    const Real near = x[dof(robot.mobility) - 1];
-    at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
-  }
-  Pose own = at;
-  if (is_rotational(robot.mobility)) {
-    own = to_pose(robot.mobility, all_finite(x, dof(robot.mobility)) ? x : robot.home);
-    angles_of(robot, at, own);
-  }
-  const Coordinates found = to_coordinates(robot.mobility, own);
+  const Coordinates found = coordinates_of(robot, at, x);
   const Pose again = place_of(robot, found);
   if (!vanishes(again.R - at.R) || !vanishes(again.D - at.D)) return {Status::no_such_value};
   x = found;
@@ -65,37 +56,29 @@ void to_c(const Robot& robot, const Coordinates& x, truepose_pose* pose) {
   by_rows(at.R, pose->rotation);
 }
 
-Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
-  return jacobian(level_of(robot), robot, in<Coordinates>(x), J);
-}
-
 /// Converts torques from motors to joints, by Kᵀ, or back, by Jᵀ.
 template <class From, class To>
-truepose_outcome mapped(const truepose_model* model, const truepose_real* x,
-                        const truepose_real* from, truepose_real* to) {
+Outcome mapped(const Robot& robot, const Coordinates& x, const From& given, To& result) {
   constexpr bool kToJoints = std::is_same_v<To, Coordinates>;
-  return computed(model, to, To{}, [&](const Robot& robot, To& result) -> Outcome {
-    const auto given = in<From>(from);
-    const int n = dof(robot.mobility), m = robot.motors;
-    if (!all_finite(given, kToJoints ? m : n)) return {Status::not_finite};
-    JointMatrix J{};
-    const Outcome outcome = rates(robot, x, J);
-    if (!outcome) return outcome;
-    Square by{}, inverse{};  // Jᵀ, and its inverse, Kᵀ
-    Unknowns size{};
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < m; ++j) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
-    if (kToJoints && !invert(m, n, by, size, 0, inverse)) return {Status::singular};
-    for (int i = 0; i < (kToJoints ? n : m); ++i)
-      result[i] = sum_of(kToJoints ? m : n,
-                         [&](int j) { return (kToJoints ? inverse : by)[i][j] * given[j]; });
-    return outcome;
-  });
+  const int n = dof(robot.mobility), m = robot.motors;
+  if (!all_finite(given, kToJoints ? m : n)) return {Status::not_finite};
+  JointMatrix J{};
+  const Outcome outcome = jacobian(level_of(robot), robot, x, J);
+  if (!outcome) return outcome;
+  Square by{}, inverse{};  // Jᵀ, and its inverse, Kᵀ
+  Unknowns size{};
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < m; ++j) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
+  if (kToJoints && !invert(m, n, by, size, 0, inverse)) return {Status::singular};
+  for (int i = 0; i < (kToJoints ? n : m); ++i)
+    result[i] = sum_of(kToJoints ? m : n,
+                       [&](int j) { return (kToJoints ? inverse : by)[i][j] * given[j]; });
+  return outcome;
 }
 
-FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
+FkmResult pose_of(const Robot& robot, const Joint& q, std::int32_t cap, Coordinates& x) {
   if (cap < 1 || cap > kFkmCap) return {{Status::no_such_value}};
-  return fkm(level_of(robot), robot, in<Joint>(q), x, cap);
+  return fkm(level_of(robot), robot, q, x, cap);
 }
 }  // namespace
 }  // namespace truepose::c
@@ -103,8 +86,7 @@ FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, 
 extern "C" {
 truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_real* x,
                                   truepose_pose* pose) {
-  return c::with(model)([&](const Robot& robot) -> Outcome {
-    const auto at = c::in<Coordinates>(x);
+  return c::with(model, x)([&](const Robot& robot, const Coordinates& at) -> Outcome {
     if (!all_finite(at, dof(robot.mobility))) return {Status::not_finite};
     c::to_c(robot, at, pose);
     return {};
@@ -113,38 +95,38 @@ truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_re
 
 truepose_outcome truepose_coordinates_of(const truepose_model* model, const truepose_pose* pose,
                                          truepose_real* x) {
-  return c::computed(model, x, c::in<Coordinates>(x), [&](const Robot& robot, Coordinates& at) {
-    return c::coordinates(robot, *pose, at);
-  });
+  return c::with(model, pose, c::Both{x})(c::coordinates);
 }
 
 truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
                                               truepose_real* rotation) {
-  const auto from = c::in<RollPitchYaw>(angles);
-  if (!all_finite(from, 3)) return c::answer(Status::not_finite);
-  c::by_rows(from_roll_pitch_yaw(from), rotation);
-  return c::answer(Outcome{});
+  return c::with(angles)([&](const RollPitchYaw& from) -> Outcome {
+    if (!all_finite(from, 3)) return {Status::not_finite};
+    c::by_rows(from_roll_pitch_yaw(from), rotation);
+    return {};
+  });
 }
 
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
-  const Mat3 R = c::matrix(rotation);
-  const auto near = c::in<RollPitchYaw>(angles);
-  if (!all_finite(near, 3)) return c::answer(Status::not_finite);
-  const Outcome outcome = c::rotates(R);
-  if (outcome) c::out(to_roll_pitch_yaw(R, near), angles);
-  return c::answer(outcome);
+  return c::with(c::Both{angles})([&](RollPitchYaw& near) -> Outcome {
+    const Mat3 R = c::matrix(rotation);
+    if (!all_finite(near, 3)) return {Status::not_finite};
+    const Outcome outcome = c::rotates(R);
+    if (outcome) near = to_roll_pitch_yaw(R, near);
+    return outcome;
+  });
 }
 
 truepose_outcome truepose_ikm(const truepose_model* model, const truepose_real* x,
                               truepose_real* q) {
-  return c::computed(model, q, Joint{}, [&](const Robot& robot, Joint& found) {
-    return command(level_of(robot), robot, c::in<Coordinates>(x), found);
+  return c::with(model, x, q)([](const Robot& robot, const Coordinates& at, Joint& found) {
+    return command(level_of(robot), robot, at, found);
   });
 }
 
 truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_pose* pose,
                                    truepose_real* q, truepose_real* conditioned) {
-  return c::computed(model, q, Joint{}, [&](const Robot& robot, Joint& found) {
+  return c::with(model, q)([&](const Robot& robot, Joint& found) {
     Pose at;
     Coordinates x = robot.home;
     const bool any = robot.mobility == Mobility::spatial;  // any pose is feasible
@@ -156,18 +138,16 @@ truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_p
 
 truepose_fkm_result truepose_fkm(const truepose_model* model, const truepose_real* q, int32_t cap,
                                  truepose_real* x) {
-  return c::computed(model, x, c::in<Coordinates>(x), [&](const Robot& robot, Coordinates& at) {
-    return c::pose_of(robot, q, cap, at);
-  });
+  return c::with(model, q, cap, c::Both{x})(c::pose_of);
 }
 
 truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepose_real* q,
                                       int32_t cap, truepose_pose* pose) {
-  return c::with(model)([&](const Robot& robot) -> FkmResult {
+  return c::with(model, q)([&](const Robot& robot, const Joint& at) -> FkmResult {
     Coordinates x = robot.home;
     const Outcome near = c::coordinates(robot, *pose, x);
     if (!near) return {near};
-    const FkmResult result = c::pose_of(robot, q, cap, x);
+    const FkmResult result = c::pose_of(robot, at, cap, x);
     if (result) c::to_c(robot, x, pose);
     return result;
   });
@@ -175,51 +155,44 @@ truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepos
 
 truepose_outcome truepose_readings(const truepose_model* model, const truepose_real* x,
                                    truepose_real* q_e) {
-  return c::computed(model, q_e, Extended{}, [&](const Robot& robot, Extended& found) {
-    const Pose pose = to_pose(robot.mobility, c::in<Coordinates>(x));
-    return extended(level_of(robot), robot, pose, found);
+  return c::with(model, x, q_e)([](const Robot& robot, const Coordinates& at, Extended& found) {
+    return extended(level_of(robot), robot, to_pose(robot.mobility, at), found);
   });
 }
 
 truepose_outcome truepose_jacobian(const truepose_model* model, const truepose_real* x,
                                    truepose_real* J) {
-  return c::computed(model, J, JointMatrix{}, [&](const Robot& robot, JointMatrix& found) {
-    return c::rates(robot, x, found);
+  return c::with(model, x, J)([](const Robot& robot, const Coordinates& at, JointMatrix& found) {
+    return jacobian(level_of(robot), robot, at, found);
   });
 }
 
 truepose_outcome truepose_gyro(const truepose_model* model, const truepose_real* x,
                                truepose_real* W) {
-  return c::computed(model, W, GyroRows{}, [&](const Robot& robot, GyroRows& found) {
-    return gyro(robot, c::in<Coordinates>(x), found);
-  });
+  return c::with(model, x, W)(gyro);
 }
 
 truepose_outcome truepose_joint_torque(const truepose_model* model, const truepose_real* x,
                                        const truepose_real* torque, truepose_real* joint) {
-  return c::mapped<Joint, Coordinates>(model, x, torque, joint);
+  return c::with(model, x, torque, joint)(c::mapped<Joint, Coordinates>);
 }
 
 truepose_outcome truepose_motor_torque(const truepose_model* model, const truepose_real* x,
                                        const truepose_real* joint, truepose_real* torque) {
-  return c::mapped<Coordinates, Joint>(model, x, joint, torque);
+  return c::with(model, x, joint, torque)(c::mapped<Coordinates, Joint>);
 }
 
 truepose_outcome truepose_conditioning(const truepose_model* model, const truepose_real* x,
                                        truepose_real* parallel, truepose_real* serial) {
-  return c::computed(model, serial, Joint{}, [&](const Robot& robot, Joint& found) {
-    Real type2 = 0;
-    const Outcome outcome = conditioning(robot, c::in<Coordinates>(x), type2, found);
-    if (outcome) *parallel = type2;
-    return outcome;
-  });
+  return c::with(model, x, parallel, serial)(conditioning);
 }
 
 truepose_outcome truepose_tej(const truepose_model* model, const truepose_real* x,
                               truepose_real band, truepose_real* tej_rows) {
-  return c::computed(model, tej_rows, ExtendedRows{}, [&](const Robot& robot, ExtendedRows& found) {
+  return c::with(model, x,
+                 tej_rows)([&](const Robot& robot, const Coordinates& at, ExtendedRows& found) {
     ExtendedColumns M{};
-    return tej(robot, c::in<Coordinates>(x), M, found, band);
+    return tej(robot, at, M, found, band);
   });
 }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <new>
 
 #include "c/fields.hpp"
@@ -45,15 +46,20 @@ struct Held<truepose_model> : InMemory<truepose_model, 0x7452424fU> {
 using Model = Held<truepose_model>;
 static_assert(std::is_trivially_copyable_v<Model>);  // C callers copy bytes
 
+template <class C>
+concept Opaque = requires { sizeof(Held<std::remove_const_t<C>>); };
+
 /// What a memory holds, of a model the loaded robot, else nullptr.
-template <class Opaque>
-auto* held(Opaque* memory) {
-  auto* made = Held<std::remove_const_t<Opaque>>::of(memory);
+template <Opaque C>
+auto* held(C* memory) {
+  auto* made = Held<std::remove_const_t<C>>::of(memory);
   if constexpr (requires { made->robot; })
     return made && made->robot.finished ? &made->robot : nullptr;
   else
     return made;
 }
+/// Anything else is always there.
+constexpr bool held(const auto&) { return true; }
 
 inline constexpr Outcome kUnfinished{Status::unfinished}, kTooSmall{Status::too_small};
 
@@ -61,30 +67,6 @@ inline auto answer(const Outcome& of) { return converted<truepose_outcome>(of); 
 inline auto answer(Status of) { return answer(Outcome{of}); }
 inline auto answer(const FkmResult& of) { return converted<truepose_fkm_result>(of); }
 inline auto answer(const Estimate& of) { return converted<truepose_estimate_result>(of); }
-
-/// with(memory, …)(f): f(what each holds), or `unfinished` where one holds nothing.
-template <class... Opaque>
-auto with(Opaque*... memory) {
-  return [=](auto&& f) {
-    const auto call = [&](auto*... of) {
-      using Result = decltype(f(*of...));
-      return answer((of && ...) ? f(*of...) : Result{kUnfinished});
-    };
-    return call(held(memory)...);
-  };
-}
-
-/// Makes a struct in a caller's memory: f(struct), which holds nothing if that fails.
-/// @param sound  of its settings
-template <class Opaque, class F>
-Outcome begun(Outcome sound, Opaque* memory, std::size_t size, F&& f) {
-  if (!sound) return sound;
-  auto* made = Held<Opaque>::make(memory, size);
-  if (made == nullptr) return kTooSmall;
-  const Outcome outcome = f(*made);
-  if (!outcome) made->mark = 0;
-  return outcome;
-}
 
 /// A C array or struct as the core's, and back.
 template <class Core, class C>
@@ -99,14 +81,65 @@ void out(const Core& from, C* to) {
   std::memcpy(to, &from, std::is_same_v<C, truepose_real> ? sizeof from : sizeof *to);
 }
 
-/// f(robot, found) of a loaded model; `found` goes to `to` where there is an answer.
-template <class Core, class C, class F>
-auto computed(const truepose_model* model, C* to, Core found, F&& f) {
-  return with(model)([&](const Robot& robot) {
-    const auto result = f(robot, found);
-    if (result) out(found, to);
-    return result;
-  });
+/// Marks a result of C that is read as well.
+template <class C>
+struct Both {
+  C* to;
+};
+
+/// A result: C reads it where there is an answer.
+template <class C, class Result, class Core>
+struct Written {
+  C* to;
+  const Result& result;
+  Core core;
+
+  operator Core&() { return core; }
+  ~Written() {
+    if (result) out(core, to);
+  }
+};
+
+/// An argument of C as a parameter of type P: what a memory holds, a core's array or struct, one to
+/// be written, or itself.
+template <class P, class A>
+decltype(auto) taken(A given, const auto& result) {
+  using Core = std::remove_cvref_t<P>;
+  if constexpr (!std::is_reference_v<P>)
+    return given;
+  else if constexpr (Opaque<std::remove_pointer_t<A>>)
+    return (*held(given));
+  else if constexpr (std::is_const_v<std::remove_reference_t<P>>)
+    return in<Core>(given);
+  else if constexpr (requires { given.to; })
+    return Written{given.to, result, in<Core>(given.to)};
+  else
+    return Written{given, result, Core{}};
+}
+
+/// with(arguments of C, …)(f): f of them as the types of its parameters say, or `unfinished` where
+/// a memory holds nothing.
+template <class... A>
+auto with(A... given) {
+  return [=](const auto& f) {
+    return [&]<class R, class... P>(std::type_identity<std::function<R(P...)>>) {
+      R result{kUnfinished};
+      if ((held(given) && ...)) result = f(taken<P>(given, result)...);
+      return answer(result);
+    }(std::type_identity<decltype(std::function{f})>{});
+  };
+}
+
+/// Makes a struct in a caller's memory: f(struct), which holds nothing if that fails.
+/// @param sound  of its settings
+template <class Opaque, class F>
+Outcome begun(Outcome sound, Opaque* memory, std::size_t size, F&& f) {
+  if (!sound) return sound;
+  auto* made = Held<Opaque>::make(memory, size);
+  if (made == nullptr) return kTooSmall;
+  const Outcome outcome = f(*made);
+  if (!outcome) made->mark = 0;
+  return outcome;
 }
 
 /// Checks count and columns of a knowledge. @return no_such_part, and the invalid column's number

@@ -19,12 +19,7 @@ extern "C" {
 truepose_outcome truepose_momentum_defaults(const truepose_model* model,
                                             const truepose_control_settings* settings,
                                             truepose_momentum_settings* momentum) {
-  return c::computed(model, momentum, MomentumSettings{},
-                     [&](const Robot& robot, MomentumSettings& derived) {
-                       ControlSettings all;
-                       const Outcome outcome = c::take(*settings, all);
-                       return outcome ? default_momentum(robot, all, derived) : outcome;
-                     });
+  return c::derived(model, settings, momentum, default_momentum);
 }
 
 truepose_outcome truepose_fault_monitor_momentum(truepose_fault_monitor* monitor,

@@ -44,7 +44,7 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
                                            const truepose_knowledge* known,
                                            const truepose_real* q_e, truepose_real* work,
                                            truepose_real* x) {
-  return c::computed(model, x, c::in<Coordinates>(x), [&](const Robot& robot, Coordinates& found) {
+  return c::with(model, c::Both{x})([&](const Robot& robot, Coordinates& found) {
     const c::Known by(robot, known, work);
     if (!by.sound) return Estimate{by.sound};
     if (!by.weighing) return Estimate{{Status::not_measured}};

@@ -34,11 +34,7 @@ size_t truepose_safety_shell_size(void) { return sizeof(c::Shell); }
 truepose_outcome truepose_safety_defaults(const truepose_model* model,
                                           const truepose_control_settings* settings,
                                           truepose_safety_limits* limits) {
-  return c::computed(model, limits, SafetyLimits{}, [&](const Robot& robot, SafetyLimits& derived) {
-    ControlSettings all;
-    const Outcome outcome = c::take(*settings, all);
-    return outcome ? default_limits(robot, all, derived) : outcome;
-  });
+  return c::derived(model, settings, limits, default_limits);
 }
 
 truepose_outcome truepose_stopping_distance(const truepose_model* model,

@@ -95,7 +95,7 @@ Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& 
   Outcome outcome = linearise(level_of(robot), robot, pose, q_e, H_x, H_xi);
   if (!outcome || !robot.rod_by_rod()) return outcome;
   outcome = extended(Level::ideal, robot, pose, ideal);
-  for (int c = 0; c < dof(robot.mobility) + robot.r; ++c) beyond[c] = q_e[c] - ideal[c];
+  for (int c = 0; c < readings(robot); ++c) beyond[c] = q_e[c] - ideal[c];
   return outcome;
 }
 

@@ -29,4 +29,16 @@ void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
     if (!(moved > by_precision(1e-13, 1e-6))) return;
   }
 }
+
+Coordinates coordinates_of(const Robot& robot, const Pose& seen, const Coordinates& near) {
+  const int n = dof(robot.mobility);
+  Pose own = seen;
+  if (is_rotational(robot.mobility)) {
+    own = to_pose(robot.mobility, all_finite(near, n) ? near : robot.home);
+    angles_of(robot, seen, own);
+  } else {
+    own.theta = theta_of(seen.R, std::isfinite(near[n - 1]) ? near[n - 1] : 0);
+  }
+  return to_coordinates(robot.mobility, own);
+}
 }  // namespace truepose

@@ -206,11 +206,13 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
   Matrix<kMaxUnknowns, kMaxUnknowns> rates;
   Outcome outcome = engine::follow(m, closure.at, engine::forward(m), engine::motors(m), rates);
   outcome.chain = chain_of(closure.built, outcome.chain);
+  Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
     if (slope == 0) return {Status::singular, j};  // its encoder does not see the motor
-    for (int i = 0; i < m.coordinates; ++i) J[i][j] = rates[i][j] / slope;
+    for (int i = 0; i < m.coordinates; ++i) sum += J[i][j] = rates[i][j] / slope;
   }
+  if (outcome && !std::isfinite(sum)) outcome.status = Status::not_finite;
   return outcome;
 }
 

@@ -74,7 +74,8 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure,
               Parasitic* rest = nullptr);
 
 /// J at a closed position, ẋ = J q̇.
-/// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched
+/// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched;
+/// not_finite: an encoder's errors, say
 Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J);
 
 /// Readings of a mechanism in any position, its loops closed or not. With backlash or compliant

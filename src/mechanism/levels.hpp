@@ -55,7 +55,7 @@ FkmResult fkm(Level level, const Robot& robot, const Joint& q, Coordinates& x, i
 /// @param rest  in: residual motion at a pose nearby; out: at this one, if ok
 Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest);
 
-/// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
+/// J(x), n×m, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
 Outcome jacobian(Level level, const Robot& robot, const Coordinates& x, JointMatrix& J);
 
 /// D and R of the platform.

@@ -1,4 +1,4 @@
-// Conversion of numpy arrays: rows of doubles in, newly owned arrays out.
+// Conversion of numpy arrays: the core's arrays and matrices from them, and as newly owned ones.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -6,71 +6,44 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <array>
-#include <cstring>
 #include <functional>
 #include <numeric>
-#include <type_traits>
-#include <utility>
-#include <vector>
 
+#include "calibration/dense.hpp"
+#include "calibration/registration.hpp"
 #include "mechanism/robot.hpp"
-#include "truepose/status.hpp"
-
-namespace truepose::python {
-/// Copies an array's numbers, in the order of its rows; the rest of the capacity is 0.
-/// @return false: no numbers, or more than `capacity`
-bool take_numbers(nanobind::handle from, double* to, std::size_t capacity) noexcept;
-}  // namespace truepose::python
-
-namespace nanobind::detail {
-/// An array of fixed capacity from anything that numpy takes for one, and as a numpy array.
-template <class T, std::size_t N>
-struct type_caster<std::array<T, N>> {
-  using Array = std::array<T, N>;
-  NB_TYPE_CASTER(Array, const_name("numpy.typing.NDArray"))
-
-  bool from_python(handle from, std::uint8_t, cleanup_list*) noexcept {
-    double numbers[N];
-    const bool all = truepose::python::take_numbers(from, numbers, N);
-    std::copy_n(numbers, all ? N : 0, value.begin());
-    return all;
-  }
-  static handle from_cpp(const Array& array, rv_policy, cleanup_list*) noexcept {
-    constexpr const char* dtype = std::is_integral_v<T> ? "intc" : "double";
-    return module_::import_("numpy")
-        .attr("array")(cast(std::vector<T>(array.begin(), array.end())), dtype)
-        .release();
-  }
-};
-}  // namespace nanobind::detail
 
 namespace truepose::python {
 namespace nb = nanobind;
 
-/// (N, width), C order; the facade checks shapes and dtype.
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+/// Doubles in C order.
+template <class... Shape>
+using Numbers = nb::ndarray<const double, Shape..., nb::c_contig, nb::device::cpu>;
 
-/// (width,), the same.
-using Row = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+/// (N, width); the facade checks shapes and dtype.
+using Rows = Numbers<nb::ndim<2>>;
+
+/// A function of numpy.
+inline nb::object numpy(const char* name) { return nb::module_::import_("numpy").attr(name); }
 
 /// Extents of an array; the first is the number of rows.
 using Shape = std::vector<std::size_t>;
+inline std::size_t numbers(const Shape& shape) {
+  return std::accumulate(shape.begin(), shape.end(), std::size_t{1}, std::multiplies<>());
+}
 
 /// A new numpy array, uninitialised: its creator fills it. numpy requests huge pages, without which
 /// the first access to a large result takes longer than its computation.
 template <class T>
 class Owned {
  public:
-  explicit Owned(const Shape& shape)
-      : width(
-            std::accumulate(shape.begin() + 1, shape.end(), std::size_t{1}, std::multiplies<>())) {
+  explicit Owned(const Shape& shape) : width(numbers({shape.begin() + 1, shape.end()})) {
     nb::list extents;
     for (const std::size_t extent : shape) extents.append(extent);
     constexpr const char* dtype = std::is_same_v<T, bool>  ? "bool"
                                   : std::is_same_v<T, int> ? "intc"
                                                            : "double";
-    array_ = nb::module_::import_("numpy").attr("empty")(nb::tuple(extents), dtype);
+    array_ = numpy("empty")(nb::tuple(extents), dtype);
     data_ = nb::cast<nb::ndarray<T, nb::c_contig, nb::device::cpu>>(array_).data();
   }
 
@@ -86,31 +59,80 @@ class Owned {
   T* data_ = nullptr;
 };
 
-/// The same, filled with a vector's values.
-template <class T>
-nb::object owned(const std::vector<T>& values) {
-  Owned<T> array({values.size()});
-  std::copy(values.begin(), values.end(), array[0]);
+/// A copy of a range of numbers as an array, of its length by default.
+template <class Range>
+nb::object owned(const Range& from, Shape shape = {}) {
+  if (shape.empty()) shape = {std::ranges::size(from)};
+  Owned<std::remove_cvref_t<decltype(*from.data())>> array(shape);
+  std::ranges::copy(from, array[0]);
   return array.release();
 }
+inline nb::object owned(const RowMatrix& from) {
+  return owned(from,
+               {static_cast<std::size_t>(from.rows()), static_cast<std::size_t>(from.cols())});
+}
+nb::object owned(const Frame& from);
 
-/// A tuple of finished arrays.
-template <class... T>
-nb::tuple together(Owned<T>&... arrays) {
-  return nb::make_tuple(arrays.release()...);
+/// Copies numbers in the order of their rows; of a fixed capacity the rest is 0.
+/// @return false: too many, or of another shape
+template <class T, std::size_t N>
+bool take(const Numbers<>& from, std::array<T, N>& to) {
+  if (from.size() > N) return false;
+  std::fill(std::copy_n(from.data(), from.size(), to.begin()), to.end(), T{});
+  return true;
+}
+template <class T>
+bool take(const Numbers<>& from, std::vector<T>& to) {
+  to.assign(from.data(), from.data() + from.size());
+  return true;
+}
+bool take(const Numbers<>& from, RowMatrix& to);
+bool take(const Numbers<>& from, Frame& to);
+
+/// Whether something is numbers for numpy, and all of them are taken.
+template <class Array>
+bool taken(nb::handle from, Array& to) noexcept {
+  try {
+    return !from.is_none() &&
+           take(nb::cast<Numbers<>>(numpy("ascontiguousarray")(from, "double")), to);
+  } catch (const std::exception&) {
+    return false;
+  }
 }
 
-/// Status and faulty chain of every row.
-struct Outcomes {
-  explicit Outcomes(std::size_t count) : status({count}), chain({count}) {}
-  void set(std::size_t i, Outcome outcome) {
-    *status[i] = static_cast<int>(outcome.status);
-    *chain[i] = outcome.chain;
-  }
-  Owned<int> status, chain;
-};
+/// The frame of a homogeneous matrix by rows.
+inline Frame frame_of(const double* T) {
+  return {{T[3], T[7], T[11]}, Mat3::of(T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10])};
+}
+}  // namespace truepose::python
 
-/// The same of one answer, behind its values.
+namespace nanobind::detail {
+/// From anything that numpy takes for an array, and as a numpy array, copied.
+template <class Array>
+struct array_caster {
+  NB_TYPE_CASTER(Array, const_name("numpy.typing.NDArray"))
+
+  bool from_python(handle from, std::uint8_t, cleanup_list*) noexcept {
+    return truepose::python::taken(from, value);
+  }
+  static handle from_cpp(const Array& array, rv_policy, cleanup_list*) {
+    return truepose::python::owned(array).release();
+  }
+};
+template <class T, std::size_t N>
+struct type_caster<std::array<T, N>> : array_caster<std::array<T, N>> {};
+template <>
+struct type_caster<std::vector<double>> : array_caster<std::vector<double>> {};
+template <>
+struct type_caster<std::vector<int>> : array_caster<std::vector<int>> {};
+template <>
+struct type_caster<truepose::RowMatrix> : array_caster<truepose::RowMatrix> {};
+template <>
+struct type_caster<truepose::Frame> : array_caster<truepose::Frame> {};
+}  // namespace nanobind::detail
+
+namespace truepose::python {
+/// The status and chain of an answer, behind its values.
 template <class... T>
 nb::tuple answered(Outcome outcome, const T&... values) {
   return nb::make_tuple(values..., static_cast<int>(outcome.status), outcome.chain);
@@ -120,8 +142,9 @@ nb::tuple answered(Outcome outcome, const T&... values) {
 template <class Vector>
 inline Vector row(const Rows& rows, std::size_t i) {
   Vector result{};
-  const std::size_t width = rows.shape(1) * sizeof(double);
-  std::memcpy(result.data(), rows.data() + i * rows.shape(1), std::min(width, sizeof result));
+  const std::size_t width = rows.shape(1);
+  std::copy_n(rows.data() + i * width, std::min(width, sizeof result / sizeof(double)),
+              result.data());
   return result;
 }
 

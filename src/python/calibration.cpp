@@ -1,13 +1,8 @@
 // Estimates, calibrations and bounds for Python: arrays in, arrays out. No mathematics.
-#include <nanobind/stl/optional.h>
-#include <nanobind/stl/vector.h>
-
 #include "calibration/bound.hpp"
 #include "calibration/calibrate.hpp"
-#include "python/arrays.hpp"
 #include "python/for_rows.hpp"
-#include "python/known.hpp"
-#include "python/online_calibration.hpp"
+#include "python/held.hpp"
 
 namespace truepose::python {
 namespace {
@@ -21,7 +16,8 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const Rows& measured_sigma, const Frame& base, const Frame& marker,
                      int registration, const Links& links, int influences, const Rows& influence,
                      int loss, double tuning, int iterations, bool full, int referenced) {
-  const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
+  const std::size_t count = q_e.shape(0);
+  const int n = dof(drawn.mobility);
   CalibrationResult result;
   {
     nb::gil_scoped_release release;
@@ -42,24 +38,21 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     settings.poll = [&] { signals(); };
     result = calibrate(level(full), drawn, known, mean, log, settings);
   }
-  Owned<double> x({count, n});
-  std::vector<int> status(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    status[i] = static_cast<int>(result.status[i]);
-    Coordinates at;
-    at.fill(NAN);
-    if (!result.xi.empty() && result.status[i] == Status::ok)
-      at = to_coordinates(drawn.mobility, result.pose[i]);
-    std::copy_n(at.begin(), n, x[i]);
+  RowMatrix x(static_cast<int>(count), n);
+  std::vector<int> status;
+  for (int i = 0; i < x.rows(); ++i) {
+    status.push_back(static_cast<int>(result.status[i]));
+    const bool found = !result.xi.empty() && result.status[i] == Status::ok;
+    const Coordinates at = found ? to_coordinates(drawn.mobility, result.pose[i]) : Coordinates{};
+    for (int k = 0; k < n; ++k) x(i, k) = found ? at[k] : NAN;
   }
-  return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations,
-                        owned(result.xi), result.covariance, x.release(), owned(result.chi2),
-                        owned(result.redundancy), owned(result.weight), owned(status), result.cost,
-                        result.start.base, result.start.marker, result.registration.base,
-                        result.registration.marker, owned(result.w),
+  return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, result.xi,
+                        result.covariance, x, result.chi2, result.redundancy, result.weight, status,
+                        result.cost, result.start.base, result.start.marker,
+                        result.registration.base, result.registration.marker, result.w,
                         RowMatrix(static_cast<int>(result.link.size()), 4,
                                   reinterpret_cast<const double*>(result.link.data())),
-                        owned(result.amount));
+                        result.amount);
 }
 
 /// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
@@ -128,51 +121,53 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
 
 /// Processes rows of a log in sequence; they need not be neighbours.
 /// @param linearised  ξ of the linearisation; none: ξ̂ itself
-auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
+auto batch_observe(Online& online, const Rows& q_e, const std::vector<double>& linearised) {
   const Robot& drawn = online.nominal;
-  const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
-  Owned<double> x({count, n});
-  Outcomes outcomes(count);
+  const std::size_t n = dof(drawn.mobility);
   online.begin(drawn);
-  const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
-  if (!about.empty()) online.settings.linearised = about.data();
-  for_rows_in_order(count, [&](std::size_t i) {
-    online.pose = to_pose(drawn.mobility, drawn.home);
-    const Outcome outcome = observe(online.level, drawn, online.settings, row<Extended>(q_e, i),
-                                    online.state, online.robot, online.pose, online.work);
-    ++(outcome.status == Status::ok ? online.lines : online.left_out);
-    outcomes.set(i, outcome);
-    Coordinates at = to_coordinates(drawn.mobility, online.pose);
-    if (!outcome) at.fill(NAN);
-    std::copy_n(at.begin(), n, x[i]);
-  });
-  return together(x, outcomes.status, outcomes.chain);
+  if (!linearised.empty()) online.settings.linearised = linearised.data();
+  return batch(
+      q_e.shape(0), {{n}},
+      [&](std::size_t i, auto& out) {
+        online.pose = to_pose(drawn.mobility, drawn.home);
+        const Outcome outcome = observe(online.level, drawn, online.settings, row<Extended>(q_e, i),
+                                        online.state, online.robot, online.pose, online.work);
+        ++(outcome.status == Status::ok ? online.lines : online.left_out);
+        std::copy_n(to_coordinates(drawn.mobility, online.pose).begin(), n, out[0]);
+        return outcome;
+      },
+      kInOrder);
+}
+
+/// Measured differences, a row each: kind, two rows of the log, and the rest as in Link.
+Links links_of(const RowMatrix& rows, const std::vector<double>& mean, int first) {
+  Links links{{}, mean, first};
+  for (int i = 0; i < rows.rows(); ++i) {
+    const auto whole = [&](int k) { return static_cast<int>(rows(i, k)); };
+    links.link.push_back({LinkKind{whole(0)},
+                          {whole(1), whole(2)},
+                          whole(3),
+                          whole(4),
+                          whole(5),
+                          rows(i, 6),
+                          rows(i, 7),
+                          rows(i, 8)});
+  }
+  return links;
 }
 }  // namespace
 
 void bind_calibration(nb::module_& m) {
-  using namespace nb::literals;
-  nb::class_<Links>(m, "Links")
-      .def(
-          "__init__",
-          [](Links* links, std::vector<double> mean, int first) {
-            new (links) Links{{}, std::move(mean), first};
-          },
-          "mean"_a, "first"_a)
-      .def(
-          "add",
-          [](Links& links, int kind, const std::array<int, 2>& line, int tool, int shape, int axis,
-             double times, double measured, double sigma) {
-            links.link.push_back({LinkKind{kind}, line, tool, shape, axis, times, measured, sigma});
-          },
-          "kind"_a, "line"_a, "tool"_a, "shape"_a, "axis"_a, "times"_a, "measured"_a, "sigma"_a);
+  nb::class_<Links>(m, "Links").def(nb::init<>());
+  m.def("links", &links_of);
   nb::class_<Known>(m, "Knowledge")
-      .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>())
+      .def(nb::init<const std::vector<int>&, const RowMatrix&, const Extended&>())
       .def_ro("column", &Known::column)
       .def_ro("root", &Known::root)
       .def_ro("sigma", &Known::sigma);
   nb::class_<Online>(m, "Online")
-      .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
+      .def(nb::init<const Robot&, const Known&, const std::vector<double>&, const RowMatrix&,
+                    double, bool>())
       .def("observe", &batch_observe)
       .def("resume", &Online::resume)
       .def_prop_ro("memory", &Online::memory)
@@ -180,17 +175,14 @@ void bind_calibration(nb::module_& m) {
       .def_ro("left_out", &Online::left_out)
       .def_prop_ro("doubt", [](const Online& online) { return online.state.doubt; })
       .def_ro("xi", &Online::xi)
-      .def_prop_ro("root", [](const Online& online) { return online.known.root; });
+      .def_prop_ro("root", [](const Online& online) { return online.prior.root; });
   nb::class_<ResidualTest>(m, "ResidualTest")
       .def_ro("lines", &ResidualTest::lines)
       .def_ro("stopped", &ResidualTest::stopped)
       .def_ro("suspect", &ResidualTest::suspect);
   m.attr("ITERATIONS") = CalibrationSettings{}.iterations;
   m.def("calibrate", &run_calibration);
-  m.def("rows_of_visits", &run_rows_of_visits, "robot"_a, "prior"_a, "x"_a, "outside"_a, "sigma"_a,
-        "base"_a, "marker"_a, "first"_a, "links"_a, "full"_a, "nuisances"_a,
-        "influence"_a = nb::none());
-  m.def("accuracy", &batch_accuracy, "robot"_a, "known"_a, "x"_a, "reference"_a, "full"_a,
-        "influence"_a = nb::none());
+  m.def("rows_of_visits", &run_rows_of_visits);
+  m.def("accuracy", &batch_accuracy);
 }
 }  // namespace truepose::python

@@ -1,15 +1,8 @@
 // Controllers, fault monitor, safety shell and start-up test for Python. No mathematics.
-#include <nanobind/stl/optional.h>
-#include <nanobind/stl/pair.h>
-
-#include <optional>
-
 #include "control/momentum_defaults.hpp"
 #include "control/safety_defaults.hpp"
-#include "python/fault_tolerant_setup.hpp"
 #include "python/for_rows.hpp"
-#include "python/known.hpp"
-#include "python/multirate.hpp"
+#include "python/held.hpp"
 #include "python/structs.hpp"
 #include "simulation/simulate.hpp"
 #include "simulation/start_simulation.hpp"
@@ -20,22 +13,22 @@ namespace {
 /// Steady-state poses, (N, n), with optional offsets `off` of the readings, (N, n + r), and faults;
 /// where there is none, whether the true robot, not the law, failed.
 auto settled(const Robot& nominal, const Robot& truth, const ControlSettings& control,
-             const Known* known, bool gravity, const Rows& x_d, const std::optional<Rows>& off,
-             const std::vector<Fault>& faults) {
+             Optional<const Known> known, bool gravity, const Rows& x_d,
+             const std::optional<Rows>& off, const std::vector<Fault>& faults) {
   const StaticsSettings settings{control, gravity};
-  const Mobility mobility = nominal.mobility;
   Owned<bool> by_truth({x_d.shape(0)});
   const nb::tuple found = batch(x_d.shape(0), {{x_d.shape(1)}}, [&](std::size_t i, auto& out) {
     *by_truth[i] = false;
     FaultyReadings lying(faults, control.period);
     Coordinates x{};
-    const Outcome outcome = settle(
-        nominal, truth, settings, row<Coordinates>(x_d, i), x, Weights(nominal, known).view(),
-        off ? row<Extended>(*off, i) : Extended{}, by_truth[i], faults.empty() ? nullptr : &lying);
-    std::copy_n(x.begin(), dof(mobility), out[0]);
+    const Outcome outcome =
+        settle(nominal, truth, settings, row<Coordinates>(x_d, i), x,
+               Weights(nominal, known.value_or(nullptr)), off ? row<Extended>(*off, i) : Extended{},
+               by_truth[i], faults.empty() ? nullptr : &lying);
+    std::copy_n(x.begin(), x_d.shape(1), out[0]);
     return outcome;
   });
-  return nb::tuple(found + together(by_truth));
+  return nb::tuple(found + nb::make_tuple(by_truth.release()));
 }
 
 /// The fault monitor after one row.
@@ -56,13 +49,12 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   std::vector<Reviewed> rows(q_e.shape(0));
   const Weights weights(setup.robot, &setup.known);
   FaultMonitor monitor;
-  Multirate late;
-  if (setup.late) require_started(*setup.late, late);
-  for_rows_in_order(rows.size(), [&](std::size_t i) {
+  Multirate late = Slow::started(setup.late);
+  const auto next = [&](std::size_t i) {
     Reviewed& now = rows[i];
     late.arrived = arrivals(late.settings, late.cycle);
     now.status =
-        monitor_faults(setup.robot, setup.settings.monitor, weights.view(), row<Joint>(desired, i),
+        monitor_faults(setup.robot, setup.settings.monitor, weights, row<Joint>(desired, i),
                        row<Extended>(q_e, i), monitor, now.believed, setup.late ? &late : nullptr)
             .status;
     for (std::size_t c = 0; c < kMaxReadings; ++c) {
@@ -71,7 +63,8 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
     }
     now.chi2 = monitor.chi2, now.freedom = monitor.freedom, now.doubted = monitor.doubted;
     now.undecided = monitor.undecided, now.warm = monitor.warm_up.warm;
-  });
+  };
+  for_rows(rows.size(), next, kInOrder);
   return records(rows, TRUEPOSE_MEMBERS(Reviewed, believed, health, symptom, chi2, freedom, doubted,
                                         undecided, warm, status));
 }
@@ -89,41 +82,39 @@ auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, c
   return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
 }
 
-/// A law inside the safety shell, for an external plant: its state, and the path's clock.
-struct SafeControl {
-  Safety safety;
+/// A controller of an external plant: its state, and with a safety shell the path's clock.
+struct ExternalControl {
+  std::optional<Safety> safety;
   SafetyShell shell;
   ControlState state;
   FaultTolerantState fault_state;
   PathClock clock;
   std::uint64_t frame = 0;
 
-  explicit SafeControl(const Safety& given) : safety(given) {}
+  explicit ExternalControl(const std::optional<Safety>& shell_limits) : safety(shell_limits) {}
 
   /// One cycle. @param frozen  the frame's counter stands still @param begins  the operator's
-  /// acknowledgement and start
+  /// acknowledgement and start; these and the monitor only with a safety shell
   auto step(const Robot& robot, const ControlSettings& with, const Coordinates& x,
             const Coordinates& rate, const Coordinates& acceleration, Extended q_e,
-            const Known* known, Slow* slow, const FaultTolerantSetup* setup, bool frozen,
-            std::pair<bool, bool> begins) {
-    const Weights weights(robot, known);
-    const Weights own(setup ? setup->robot : robot, setup ? &setup->known : nullptr);
+            Optional<const Known> known, Optional<Slow> slow,
+            Optional<const FaultTolerantSetup> monitor, bool frozen, std::pair<bool, bool> begins) {
+    const FaultTolerantSetup* setup = monitor.value_or(nullptr);
+    const Weights own(setup ? setup->robot : robot,
+                      setup ? &setup->known : known.value_or(nullptr));
+    Multirate* late = slow && (*slow)->known_late ? &(*slow)->late : nullptr;
+    Weighing weighing = own;
+    if (late && !setup) weighing = compensated(robot, own, *late, (*slow)->known, q_e);
+    const Setpoint setpoint{x, rate, acceleration};
+    if (!safety) return answered(control(robot, with, setpoint, q_e, state, weighing));
     Monitored monitored;
-    Weighing weighing = weights.view();
-    if (setup) {
-      monitored = {&setup->settings, &fault_state,
-                   slow && slow->known_late ? &slow->late : nullptr};
-      weighing = own.view();
-    } else if (slow) {
-      weighing = slow->compensate_latency(robot, weighing, q_e);
-    }
+    if (setup) monitored = {&setup->settings, &fault_state, late};
     SafetyCycle cycle;
     cycle.request = {begins.second, false, begins.first};
     if (!frozen) ++frame;
-    cycle.counter = {safety.counted, frame};
-    const Outcome outcome =
-        control_safely(robot, with, safety.limits, clock.paced({x, rate, acceleration}), q_e, state,
-                       shell, cycle, weighing, monitored);
+    cycle.counter = {safety->counted, frame};
+    const Outcome outcome = control_safely(robot, with, safety->limits, clock.paced(setpoint), q_e,
+                                           state, shell, cycle, weighing, monitored);
     if (!shell.follows) clock.rate = 0;
     clock.advance(with.period, shell.path_stop);
     return answered(outcome);
@@ -143,7 +134,7 @@ auto run_start(const Robot& robot, const Robot& truth, const ControlSettings& co
     const Weights weights(robot, &known);
     outcome = default_limits(robot, control, limits);
     if (outcome)
-      outcome = simulate_start(robot, truth, settings, limits, weights.view(), effects,
+      outcome = simulate_start(robot, truth, settings, limits, weights, effects,
                                {faults, incremental, referenced, start, seed}, run);
   }
   const StartReport& report = run.test;
@@ -151,38 +142,19 @@ auto run_start(const Robot& robot, const Robot& truth, const ControlSettings& co
 }
 }  // namespace
 
-void bind_control(nb::module_& m) {
-  using namespace nb::literals;
-  structure<ControlState>(m, "ControlState", TRUEPOSE_MEMBERS(ControlState, torque, error, rate))
-      .def(
-          "step",
-          [](ControlState& own, const Robot& robot, const ControlSettings& with,
-             const Coordinates& x, const Coordinates& rate, const Coordinates& acceleration,
-             Extended q_e, const Known* known, Slow* slow) {
-            const Weights weights(robot, known);
-            const Weighing weighing =
-                slow ? slow->compensate_latency(robot, weights.view(), q_e) : weights.view();
-            return answered(control(robot, with, {x, rate, acceleration}, q_e, own, weighing));
-          },
-          "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
-          "known"_a.none() = nb::none(), "slow"_a.none() = nb::none());
-  m.def("settle", &settled, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "gravity"_a,
-        "x_d"_a, "off"_a.none() = nb::none(), "faults"_a = std::vector<Fault>{});
-}
+void bind_control(nb::module_& m) { m.def("settle", &settled); }
 
 void bind_safety(nb::module_& m) {
-  using namespace nb::literals;
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&,
-                    const MomentumSettings&, const std::optional<MultirateSettings>&>(),
-           "robot"_a, "known"_a, "monitor"_a, "momentum"_a, "late"_a.none())
+                    const MomentumSettings&, const Delays&>())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
   m.def("default_momentum", [](const Robot& robot, const ControlSettings& of) {
     MomentumSettings derived;
     const Outcome outcome = default_momentum(robot, of, derived);
     return answered(outcome, derived);
   });
-  m.def("review", &review, "fault_setup"_a, "desired"_a, "q_e"_a);
+  m.def("review", &review);
   nb::class_<Safety>(m, "Safety").def(nb::init<const SafetyLimits&, bool>());
   m.def("default_limits", [](const Robot& robot, const ControlSettings& settings) {
     SafetyLimits derived;
@@ -199,16 +171,16 @@ void bind_safety(nb::module_& m) {
           const Outcome outcome = stopping_distance(robot, given, marked, speed, distance);
           return answered(outcome, distance);
         });
-  nb::class_<SafeControl>(m, "SafeControl")
-      .def(nb::init<const Safety&>())
-      .def("step", &SafeControl::step, "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a,
-           "q_e"_a, "known"_a.none() = nb::none(), "slow"_a.none() = nb::none(),
-           "fault_setup"_a.none() = nb::none(), "frozen"_a = false,
-           "begins"_a = std::pair{false, false})
-      .def("begin", [](SafeControl& own) { own.clock = {}; })
-      .def_prop_ro("time", [](const SafeControl& own) { return own.clock.time; })
-      .def_prop_ro("report", [](const SafeControl& own) -> SafetyReport { return own.shell; });
-  m.def("simulate_start", &run_start, "robot"_a, "truth"_a, "control"_a, "settings"_a, "known"_a,
-        "effects"_a, "faults"_a, "incremental"_a, "referenced"_a, "start"_a, "seed"_a);
+  nb::class_<ExternalControl>(m, "ExternalControl")
+      .def(nb::init<const std::optional<Safety>&>())
+      .def("step", &ExternalControl::step)
+      .def("begin", [](ExternalControl& own) { own.clock = {}; })
+      .def_prop_ro("time", [](const ExternalControl& own) { return own.clock.time; })
+      .def_prop_ro("torque",
+                   [](const ExternalControl& own) {
+                     return own.safety ? own.shell.torque : own.state.torque;
+                   })
+      .def_prop_ro("report", [](const ExternalControl& own) -> SafetyReport { return own.shell; });
+  m.def("simulate_start", &run_start);
 }
 }  // namespace truepose::python

@@ -1,10 +1,8 @@
 // Distribution of a batch's rows over the cores that this process may use; Ctrl-C ends it.
 #include "python/for_rows.hpp"
 
-#include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <exception>
+#include <future>
 #include <system_error>
 #include <thread>
 #if defined(__linux__)
@@ -12,17 +10,22 @@
 #endif
 
 namespace truepose::python {
-bool take_numbers(nb::handle from, double* to, std::size_t capacity) noexcept {
-  try {
-    if (from.is_none()) return false;
-    const auto numbers = nb::cast<nb::ndarray<const double, nb::c_contig, nb::device::cpu>>(
-        nb::module_::import_("numpy").attr("ascontiguousarray")(from, "double"));
-    if (numbers.size() > capacity) return false;
-    std::fill(std::copy_n(numbers.data(), numbers.size(), to), to + capacity, 0.0);
-    return true;
-  } catch (const std::exception&) {
-    return false;
-  }
+bool take(const Numbers<>& from, RowMatrix& to) {
+  const bool flat = from.ndim() == 2;
+  if (flat) to = {static_cast<int>(from.shape(0)), static_cast<int>(from.shape(1)), from.data()};
+  return flat;
+}
+
+bool take(const Numbers<>& from, Frame& to) {
+  const bool homogeneous = from.size() == 16;
+  if (homogeneous) to = frame_of(from.data());
+  return homogeneous;
+}
+
+nb::object owned(const Frame& from) {
+  RowMatrix T = RowMatrix::identity(4);
+  for (int k = 0; k < 12; ++k) T(k / 4, k % 4) = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
+  return owned(T);
 }
 
 namespace {
@@ -40,39 +43,27 @@ void for_rows(std::size_t count, const std::function<void(std::size_t)>& f,
               std::size_t rows_per_thread) {
   const nb::gil_scoped_release release;
   const std::size_t threads = std::min(available_cores(), count / rows_per_thread);
-  const std::size_t few = std::max<std::size_t>(1, rows_per_thread / 16);
+  const std::size_t few = std::clamp<std::size_t>(rows_per_thread / 16, 1, kRowsPerThread / 16);
   std::atomic<std::size_t> next = 0;
-  const auto work = [&](auto&& between) {
+  const auto work = [&](auto between) {
     for (std::size_t start; (start = next.fetch_add(few)) < count;) {
       for (std::size_t i = start; i < std::min(start + few, count); ++i) f(i);
       between();
     }
   };
-  std::vector<std::thread> others;
-  others.reserve(threads);
-  while (others.size() + 1 < threads) try {
-      others.emplace_back(work, [] {});
-    } catch (const std::system_error&) {  // without a further thread the existing ones do the work
-      break;
-    }
-  std::exception_ptr stopped;
+  std::vector<std::future<void>> others;  // whose end waits for theirs
+  try {
+    while (others.size() + 1 < threads)
+      others.push_back(std::async(std::launch::async, work, [] {}));
+  } catch (const std::system_error&) {  // without a further thread the existing ones do the work
+  }
   try {
     work(Signals{});
   } catch (...) {
-    stopped = std::current_exception();
     next = count;
+    throw;
   }
-  for (std::thread& other : others) other.join();
-  if (stopped) std::rethrow_exception(stopped);
-}
-
-void for_rows_in_order(std::size_t count, const std::function<void(std::size_t)>& f) {
-  const nb::gil_scoped_release release;
-  Signals signals;
-  for (std::size_t i = 0; i < count; ++i) {
-    f(i);
-    signals();
-  }
+  for (std::future<void>& other : others) other.get();
 }
 
 nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
@@ -83,22 +74,21 @@ nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
     shape.insert(shape.begin(), count);
     arrays.emplace_back(shape);
   }
-  Outcomes outcomes(count);
+  Owned<int> status({count}), chain({count});
   for_rows(
       count,
       [&](std::size_t i) {
         std::vector<double*> out;
         for (Owned<double>& array : arrays) out.push_back(array[i]);
         const Outcome outcome = f(i, out);
-        outcomes.set(i, outcome);
+        *status[i] = static_cast<int>(outcome.status), *chain[i] = outcome.chain;
         for (std::size_t m = 0; m < out.size() && !outcome; ++m)
           std::fill_n(out[m], arrays[m].width, NAN);
       },
       rows_per_thread);
   nb::list result;
   for (Owned<double>& array : arrays) result.append(array.release());
-  result.append(outcomes.status.release());
-  result.append(outcomes.chain.release());
+  result.append(status.release()), result.append(chain.release());
   return nb::tuple(result);
 }
 }  // namespace truepose::python

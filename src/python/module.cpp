@@ -1,7 +1,6 @@
 // The Python module of the core. No mathematics.
 #include "control/multirate.hpp"
-#include "python/arrays.hpp"
-#include "python/signals.hpp"
+#include "python/for_rows.hpp"
 #include "simulation/faults.hpp"
 
 NB_MODULE(_core, m) {

@@ -10,7 +10,7 @@
 #include "mechanism/angles_of.hpp"
 #include "mechanism/gyro.hpp"
 #include "python/for_rows.hpp"
-#include "python/known.hpp"
+#include "python/held.hpp"
 #include "simulation/plant.hpp"
 #include "simulation/statics.hpp"
 #include "simulation/stretch.hpp"
@@ -48,43 +48,81 @@ struct Row : Common {
   Pose pose(std::size_t k = 0) const { return to_pose(robot->mobility, x(k)); }
   Mat3 rotation(std::size_t k) const { return of<Mat3>(k).transpose(); }
   double* work() const { return scratch(estimate_work(*robot, known->view().count)).data(); }
-  /// Writes result m: a vector, a whole matrix, or the used part of one.
+  /// Writes the results: numbers, vectors, whole matrices, or the used parts of those; a pointer
+  /// is of one that is already there.
+  template <class... Values>
+  Outcome give(Outcome outcome, const Values&... values) const {
+    std::size_t m = 0;
+    (write(m++, values), ...);
+    return outcome;
+  }
   template <class Values>
-  void give(std::size_t m, const Values& values) const {
-    if constexpr (requires { values[0][0]; }) {
-      double* to = out[m];
-      for (std::size_t line = 0; line < call.shapes[m][0]; ++line)
-        to = std::copy_n(values[line].begin(), call.shapes[m][1], to);
-    } else {
-      std::size_t count = 1;
-      for (const std::size_t extent : call.shapes[m]) count *= extent;
-      std::copy_n(values.data(), count, out[m]);
+  void write(std::size_t m, const Values& values) const {
+    const Shape& shape = call.shapes[m];
+    double* to = out[m];
+    if constexpr (std::is_same_v<Values, double>) {
+      *to = values;
+    } else if constexpr (requires { values[0][0]; }) {
+      for (std::size_t line = 0; line < shape[0]; ++line)
+        to = std::copy_n(values[line].begin(), shape[1], to);
+    } else if constexpr (!std::is_pointer_v<Values>) {
+      std::copy_n(values.data(), numbers(shape), to);
     }
   }
 };
 
-template <class Result>
-using AtLevel = Outcome (*)(Level, const Robot&, const Coordinates&, Result&);
-template <class Result>
-constexpr AtLevel<Result> at_level(AtLevel<Result> f) {
+/// How many of a row's arrays and numbers the parameters so far have taken.
+struct Taken {
+  std::size_t in = 0, number = 0;
+};
+
+/// What a parameter of type P of a core function is at a row: the robot, the level, the next
+/// array's row, as a pose of it, the next number, or room for a result.
+template <class P, class T = std::remove_cvref_t<P>>
+decltype(auto) argument(const Row& r, Taken& taken) {
+  if constexpr (std::is_same_v<T, Robot>)
+    return *r.robot;
+  else if constexpr (std::is_same_v<T, Level>)
+    return Level{r.level};
+  else if constexpr (std::is_same_v<P, T&>)
+    return T{};
+  else if constexpr (std::is_same_v<T, double>)
+    return double{r.call.number[taken.number++]};
+  else if constexpr (std::is_same_v<T, Pose>)
+    return r.pose(taken.in++);
+  else
+    return r.of<T>(taken.in++);
+}
+
+/// A core function by its parameters' types: constant ones are taken, the others are its results.
+template <auto f>
+Outcome of(const Row& r) {
+  return [&]<class R, class... P>(R (*)(P...)) {
+    Taken taken;
+    std::tuple<decltype(argument<P>(r, taken))...> all{argument<P>(r, taken)...};
+    Outcome outcome;
+    if constexpr (std::is_void_v<R>)
+      std::apply(f, all);
+    else
+      outcome = std::apply(f, all);
+    std::size_t m = 0;
+    const auto write = [&]<class Each>(const std::remove_reference_t<Each>& value) {
+      if constexpr (!std::is_const_v<std::remove_reference_t<Each>> && std::is_reference_v<Each>)
+        r.write(m++, value);
+    };
+    std::apply([&](const auto&... each) { (write.template operator()<P>(each), ...); }, all);
+    return outcome;
+  }(+f);
+}
+
+/// The function for both levels, of several of one name.
+template <class X, class Result>
+constexpr auto at_level(Outcome (*f)(Level, const Robot&, const X&, Result&)) {
   return f;
 }
 
-/// A function of a pose's coordinates with one result.
-template <class Result, auto f>
-Outcome of_x(const Row& r) {
-  Result result{};
-  Outcome outcome;
-  if constexpr (requires { f(r.level, *r.robot, r.x(), result); })
-    outcome = f(r.level, *r.robot, r.x(), result);
-  else
-    outcome = f(*r.robot, r.x(), result);
-  r.give(0, result);
-  return outcome;
-}
-
 /// A function. `shapes` of its results' rows, a word each: n freedoms, m motors, e readings, r
-/// sensors, p parameters, d = 2 m, c = 1 + m, h hidden motions, b bodies, l closures, g of a
+/// sensors, p parameters, d = 2 m, h hidden motions, b bodies, l closures, g of a
 /// registration; - a number.
 struct RowFunction {
   const char* name;
@@ -100,69 +138,41 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
        Joint q{};
-       const Outcome outcome =
-           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q);
-       r.give(0, q);
-       return outcome;
+       return r.give(
+           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q), q);
      }},
-    {"rkm", "r", of_x<Reading, at_level<Reading>(rkm)>},
-    {"fkm", "n",  // (robot, q, guess, full)
-     [](const Row& r) -> Outcome {
-       Coordinates x = r.x(1);
-       const Outcome outcome = fkm(r.level, *r.robot, r.of<Joint>(0), x);
-       r.give(0, x);
-       return outcome;
-     }},
-    {"parasitic", "h", of_x<Coordinates, parasitic>},
-    {"jacobian", "nm", of_x<JointMatrix, at_level<JointMatrix>(jacobian)>},
-    {"gyro", "3n", of_x<GyroRows, gyro>},
+    {"rkm", "r", of<at_level(rkm)>},
+    {"fkm", "n",
+     of<[](Level level, const Robot& robot, const Joint& q, const Coordinates& guess,
+           Coordinates& x) {
+       x = guess;
+       return fkm(level, robot, q, x);
+     }>},
+    {"parasitic", "h", of<parasitic>},
+    {"jacobian", "nm", of<at_level(jacobian)>},
+    {"gyro", "3n", of<gyro>},
     {"redundant_fkm", "n",
-     [](const Row& r) {
-       Coordinates x{};
-       const Outcome outcome = redundant_fkm(*r.robot, r.of<Extended>(0), x);
-       r.give(0, x);
-       return outcome;
-     }},
-    {"tej", "em me",  // (robot, x, band)
-     [](const Row& r) {
-       ExtendedColumns M;
-       ExtendedRows M_plus;
-       const Outcome outcome = tej(*r.robot, r.x(), M, M_plus, r.call.number[0]);
-       r.give(0, M), r.give(1, M_plus);
-       return outcome;
-     }},
-    {"conditioning", "c",  // type 2, then type 1 of each chain
-     [](const Row& r) {
-       Joint serial{};
-       const Outcome outcome = conditioning(*r.robot, r.x(), *r.out[0], serial);
-       std::copy_n(serial.begin(), r.m, r.out[0] + 1);
-       return outcome;
-     }},
-    {"linearise", "en ep",  // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
+     of<static_cast<Outcome (*)(const Robot&, const Extended&, Coordinates&)>(redundant_fkm)>},
+    {"tej", "em me",
+     of<[](const Robot& robot, const Coordinates& x, double band, ExtendedColumns& M,
+           ExtendedRows& M_plus) { return tej(robot, x, M, M_plus, band); }>},
+    {"conditioning", "- m", of<conditioning>},  // type 2, then type 1 of each chain
+    {"linearise", "en ep",                      // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
      [](const Row& r) {
        Extended q_e;
        PoseRows H_x;
-       const Outcome outcome = linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]);
-       r.give(0, H_x);
-       return outcome;
+       return r.give(linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]), H_x, r.out[1]);
      }},
     // (robot, x, compliance, arms, force (N, 3), measured tension (N, m) or NaN, full): readings,
     // their derivatives by the compliances of every chain and then of every arm, tensions
     {"under_load", "e ed m",
      [](const Row& r) {
        const Load load{r.of<Vec3>(3), r.of<Joint>(4)};
-       const std::size_t m = static_cast<std::size_t>(r.m);
+       double* H_xi = scratch(r.e * parameter_count(*r.robot)).data();
        UnderLoad at;
-       const Outcome outcome =
-           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load,
-                      scratch(r.e * parameter_count(*r.robot)).data(), at);
-       r.give(0, at.q_e), r.give(2, at.tension);
-       for (std::size_t c = 0; c < static_cast<std::size_t>(r.e); ++c)
-         for (std::size_t k = 0; k < m; ++k) {
-           r.out[1][2 * m * c + k] = at.by_compliance[c][k];
-           r.out[1][2 * m * c + m + k] = c == k ? at.by_arm[k] : 0;
-         }
-       return outcome;
+       return r.give(
+           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load, H_xi, at),
+           at.q_e, at.by_compliance, at.tension);
      }},
     {"skeleton", "m43",  // points P, B, A and c of every chain, for drawings
      [](const Row& r) {
@@ -192,34 +202,12 @@ const RowFunction kFunctions[] = {
            end = std::copy_n(point.data(), 3, end);
        return Outcome{outcome};
      }},
-    {"rod_rows", "mn",  // J_x; 0 where the chains do not close
-     [](const Row& r) {
-       Closure closure;
-       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
-       std::fill_n(r.out[0], r.m * r.n, 0.0);
-       for (int k = 0; k < r.m && outcome; ++k)
-         jx_row(closure.carried, closure.chain[k].v, closure.chain[k].lever, r.out[0] + k * r.n);
-       return Outcome{};
-     }},
-    {"shortfall", "-",  // (robot, x, chain)
-     [](const Row& r) {
-       const Pose pose = placed(*r.robot, r.pose());
-       const Chain& of = r.robot->chain.at(static_cast<std::size_t>(r.call.number[0]));
-       *r.out[0] = shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
-       return Outcome{};
-     }},
-    {"fastest", "e", of_x<Extended, fastest>},
+    {"fastest", "e", of<fastest>},
     // Orientations
     {"rotations", "33",
-     [](const Row& r) {
-       r.give(0, Mat3(exp_so3(r.of<Vec3>(0)).transpose()));
-       return Outcome{};
-     }},
+     of<[](const Vec3& vector, Mat3& columns) { columns = exp_so3(vector).transpose(); }>},
     {"rotation_vectors", "3",
-     [](const Row& r) {
-       r.give(0, log_so3(r.rotation(0)));
-       return Outcome{};
-     }},
+     of<[](const Mat3& columns, Vec3& vector) { vector = log_so3(columns.transpose()); }>},
     {"frames", "44",  // (robot, x, tilt (N, 3): rotation not in x; with a θ, about x, y)
      [](const Row& r) {
        Pose pose;
@@ -233,83 +221,49 @@ const RowFunction kFunctions[] = {
        }
        return outcome;
      }},
-    {"coordinates", "n",  // (robot, D (N, 3), R (N, 9)); axis angles from home's
-     [](const Row& r) {
-       const Mobility mobility = r.robot->mobility;
-       Pose pose{r.of<Vec3>(0), r.rotation(1), 0};
-       pose.theta = theta_of(pose.R, 0);
-       if (is_rotational(mobility)) {
-         Pose angles = to_pose(mobility, r.robot->home);
-         angles_of(*r.robot, pose, angles);
-         pose = angles;
-       }
-       r.give(0, to_coordinates(mobility, pose));
-       return Outcome{};
-     }},
+    {"coordinates", "n",  // next to home
+     of<[](const Robot& robot, const Vec3& D, const Mat3& columns, Coordinates& x) {
+       x.fill(NAN);
+       x = coordinates_of(robot, {D, columns.transpose(), 0}, x);
+     }>},
     // Dynamics
-    {"mass_matrix", "nn",
-     [](const Row& r) {
-       PoseMatrix mass;
-       const Outcome outcome = mass_matrix(*r.robot, r.pose(), mass);
-       r.give(0, mass);
+    {"mass_matrix", "nn", of<mass_matrix>},
+    {"inverse_dynamics", "m",
+     of<static_cast<Outcome (*)(const Robot&, const Pose&, const Coordinates&, const Coordinates&,
+                                Joint&)>(inverse_dynamics)>},
+    {"acceleration", "n", of<forward_dynamics>},
+    {"setpoint", "n n n",  // of a straight quintic move
+     of<[](const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
+           double time, Coordinates& x, Coordinates& rate, Coordinates& acceleration) {
+       const Setpoint at = quintic(robot.mobility, from, to, duration, time);
+       x = at.x, rate = at.rate, acceleration = at.acceleration;
+     }>},
+    {"advance", "n n",  // of the reduced model
+     of<[](const Robot& robot, const Pose& x, const Coordinates& rate, const Joint& torque,
+           double duration, double steps, Coordinates& to, Coordinates& fast) {
+       PlantState state{x, rate};
+       const Outcome outcome = advance(robot, torque, duration, static_cast<int>(steps), state);
+       to = to_coordinates(robot.mobility, state.pose), fast = state.rate;
        return outcome;
-     }},
-    {"inverse_dynamics", "m",  // (robot, x, rate, acceleration)
-     [](const Row& r) {
-       Joint torque{};
-       const Outcome outcome = inverse_dynamics(*r.robot, r.pose(), r.x(1), r.x(2), torque);
-       r.give(0, torque);
-       return outcome;
-     }},
-    {"acceleration", "n",  // (robot, x, rate, torque)
-     [](const Row& r) {
-       Coordinates acceleration{};
-       const Outcome outcome =
-           forward_dynamics(*r.robot, r.pose(), r.x(1), r.of<Joint>(2), acceleration);
-       r.give(0, acceleration);
-       return outcome;
-     }},
-    {"setpoint", "n n n",  // (robot, from, to, duration, time): of a straight quintic move
-     [](const Row& r) {
-       const Setpoint at =
-           quintic(r.robot->mobility, r.x(), r.x(1), r.call.number[0], r.call.number[1]);
-       r.give(0, at.x), r.give(1, at.rate), r.give(2, at.acceleration);
-       return Outcome{};
-     }},
-    {"advance", "n n",  // (robot, x, rate, torque, duration, steps): of the reduced model
-     [](const Row& r) {
-       PlantState state{r.pose(), r.x(1)};
-       const Outcome outcome = advance(*r.robot, r.of<Joint>(2), r.call.number[0],
-                                       static_cast<int>(r.call.number[1]), state);
-       r.give(0, to_coordinates(r.robot->mobility, state.pose)), r.give(1, state.rate);
-       return outcome;
-     }},
+     }>},
     // Readings and what is known: (robot, known, …)
-    {"innovation", "e",  // (robot, q_e, expected): difference without whole turns of a joint
-     [](const Row& r) {
-       Extended difference{};
-       innovation(*r.robot, r.of<Extended>(0), r.of<Extended>(1), difference);
-       r.give(0, difference);
-       return Outcome{};
-     }},
-    {"leakage", "ne",  // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
+    {"innovation", "e",
+     of<static_cast<void (*)(const Robot&, const Extended&, const Extended&, Extended&)>(
+         innovation)>},  // q_e less expected, without whole turns of a joint
+    {"leakage", "ne",    // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
      [](const Row& r) {
        const Weights weights(*r.robot, r.known);
        PoseColumns leak{};
-       const Outcome outcome =
-           leakage(*r.robot, Law{static_cast<int>(r.call.number[0])}, r.x(), leak, weights.view());
-       r.give(0, leak);
-       return outcome;
+       const Law law{static_cast<int>(r.call.number[0])};
+       return r.give(leakage(*r.robot, law, r.x(), leak, weights), leak);
      }},
     {"estimate", "n nn -",  // (robot, known, q_e, guess, full)
      [](const Row& r) {
        Pose pose = r.pose(1);
        const Estimate found =
            estimate(r.level, *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
-       r.give(0, to_coordinates(r.robot->mobility, pose));
-       r.give(1, found.covariance);
-       *r.out[2] = found.chi2;
-       return found.outcome;
+       return r.give(found.outcome, to_coordinates(r.robot->mobility, pose), found.covariance,
+                     found.chi2);
      },
      kFewRowsPerThread},
     // (robot, known, x, full, influence (N, e × count)), whose amounts are the last entries of the
@@ -318,12 +272,11 @@ const RowFunction kFunctions[] = {
      [](const Row& r) {
        double* work = r.work();
        Fused fusion;
-       const Outcome outcome =
-           fused(r.level, *r.robot, r.known->view(), r.pose(),
-                 influences_at(*r.robot, r.call.in.size() > 1 ? &r.call.in[1] : nullptr, r.i), work,
-                 work + r.e * parameter_count(*r.robot), fusion);
-       r.give(0, fusion.gain), r.give(1, fusion.tej);
-       return outcome;
+       const Rows* influence = r.call.in.size() > 1 ? &r.call.in[1] : nullptr;
+       return r.give(fused(r.level, *r.robot, r.known->view(), r.pose(),
+                           influences_at(*r.robot, influence, r.i), work,
+                           work + r.e * parameter_count(*r.robot), fusion),
+                     fusion.gain, fusion.tej);
      },
      kFewRowsPerThread},
     // (robot, base, marker, x, measured): expected tracker coordinates, measured minus expected,
@@ -331,23 +284,19 @@ const RowFunction kFunctions[] = {
     {"seen", "n n nn ng -",
      [](const Row& r) {
        const Mobility mobility = r.robot->mobility;
-       const auto frame = [&](std::size_t k) { return frame_of({4, 4, r.call.in[k].data()}); };
-       const Seen at = seen(mobility, {frame(0), frame(1)}, r.pose(2));
+       const Registration by{frame_of(r.call.in[0].data()), frame_of(r.call.in[1].data())};
+       const Seen at = seen(mobility, by, r.pose(2));
        const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
-       r.give(0, to_coordinates(mobility, {at.p, at.Q, theta}));
-       r.give(1, innovation(mobility, at, r.x(3).data()));
-       r.give(2, at.H_x), r.give(3, at.H);
-       *r.out[4] = at.blunt;
-       return Outcome{};
+       return r.give({}, to_coordinates(mobility, {at.p, at.Q, theta}),
+                     innovation(mobility, at, r.x(3).data()), at.H_x, at.H, at.blunt);
      },
      kRowsPerThread, 2},
 };
 
-nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwargs& kwargs) {
-  const nb::module_ numpy = nb::module_::import_("numpy");
+nb::tuple call(const RowFunction& function, const nb::args& args) {
   Call with;
-  const auto take = [&](nb::handle given) {
-    if (given.is_none()) return;
+  for (nb::handle given : args) {
+    if (given.is_none()) continue;
     if (nb::isinstance<Robot>(given)) {
       with.robot = nb::inst_ptr<Robot>(given);
     } else if (nb::isinstance<Known>(given)) {
@@ -357,47 +306,34 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
     } else if (PyFloat_Check(given.ptr()) || PyLong_Check(given.ptr())) {
       with.number.push_back(nb::cast<double>(given));
     } else {
-      nb::object array = numpy.attr("ascontiguousarray")(given, "double");
+      nb::object array = numpy("ascontiguousarray")(given, "double");
       if (nb::cast<int>(array.attr("ndim")) == 1) array = array.attr("reshape")(1, -1);
       with.in.push_back(nb::cast<Rows>(array));
     }
-  };
-  for (nb::handle given : args) take(given);
-  for (auto [name, given] : kwargs) take(given);
-  int n = 0, m = 0, r = 0, p = 0, hidden = 0;
+  }
   with.level = level(!with.flag.empty() && with.flag[0]);
+  std::string letters = "g";
+  std::vector<int> extents = {kRegistration};
   if (with.robot) {
     const Robot& robot = *with.robot;
-    n = dof(robot.mobility), m = robot.motors, r = robot.r;
-    p = robot.finished ? parameter_count(robot) : 0;
-    hidden = robot.full.own() ? 6 - n + robot.full.bars : 0;
+    const int n = with.n = dof(robot.mobility), m = with.m = robot.motors;
+    with.e = readings(robot);
+    letters += "nmerpdhbl";
+    extents.insert(extents.end(),
+                   {n, m, with.e, robot.r, robot.finished ? parameter_count(robot) : 0, 2 * m,
+                    robot.full.own() ? 6 - n + robot.full.bars : 0, robot.mechanism.bodies,
+                    robot.mechanism.closures});
   }
-  with.n = n, with.m = m, with.e = m + r;
-  std::vector<Shape>& shapes = with.shapes;
-  shapes.resize(1);
-  for (const char* letter = function.shapes; *letter; ++letter) {
-    const auto more = [&](int extent) {
-      shapes.back().push_back(static_cast<std::size_t>(extent));
-    };
-    switch (*letter) {
-      case ' ': shapes.emplace_back(); break;
-      case '-': break;
-      case 'n': more(n); break;
-      case 'm': more(m); break;
-      case 'e': more(m + r); break;
-      case 'r': more(r); break;
-      case 'p': more(p); break;
-      case 'd': more(2 * m); break;
-      case 'c': more(1 + m); break;
-      case 'h': more(hidden); break;
-      case 'b': more(with.robot->mechanism.bodies); break;
-      case 'l': more(with.robot->mechanism.closures); break;
-      case 'g': more(kRegistration); break;
-      default: more(*letter - '0');
-    }
+  with.shapes.resize(1);
+  for (const char letter : std::string(function.shapes)) {
+    const std::size_t known = letters.find(letter);
+    if (letter == ' ')
+      with.shapes.emplace_back();
+    else if (letter != '-')
+      with.shapes.back().push_back(known < letters.size() ? extents[known] : letter - '0');
   }
   return batch(
-      with.in.at(function.over).shape(0), shapes,
+      with.in.at(function.over).shape(0), with.shapes,
       [&](std::size_t i, const std::vector<double*>& out) {
         return function.at({with, with, i, out});
       },
@@ -407,13 +343,9 @@ nb::tuple call(const RowFunction& function, const nb::args& args, const nb::kwar
 
 void bind_rows(nb::module_& m) {
   for (const RowFunction& function : kFunctions) {
-    const std::string signature =
-        std::string("def ") + function.name + "(*args, **kwargs) -> tuple";
+    const std::string signature = std::string("def ") + function.name + "(*args) -> tuple";
     m.def(
-        function.name,
-        [&function](const nb::args& args, const nb::kwargs& kwargs) {
-          return call(function, args, kwargs);
-        },
+        function.name, [&function](const nb::args& args) { return call(function, args); },
         nb::sig(signature.c_str()));
   }
 }

@@ -9,11 +9,6 @@
 
 namespace truepose::python {
 namespace {
-template <class T>
-T& at(nb::handle self, int offset) {
-  return *reinterpret_cast<T*>(nb::inst_ptr<char>(self) + offset);
-}
-
 /// A row of a table as a Python object with attributes.
 template <class... Value>
 nb::object row_of(const char* const (&names)[sizeof...(Value)], const Value&... values) {
@@ -111,6 +106,23 @@ void bind_parts(nb::class_<Robot>& made, const char* name, std::array<Part, N> R
   });
 }
 
+/// J_x at home: a row for each chain, or at the full level for each rod of the free platform; 0
+/// where they do not close.
+RowMatrix rod_rows(const Robot& robot, bool full) {
+  RowMatrix result(full ? robot.full.rods : robot.motors,
+                   full ? robot.full.unknowns : dof(robot.mobility));
+  std::array<engine::Row, engine::kClosures> rows;
+  Closure closure;
+  const Outcome outcome =
+      full ? full_rows(robot, rows) : ikm(robot, to_pose(robot.mobility, robot.home), closure);
+  for (int i = 0; i < result.rows() && outcome; ++i)
+    if (full)
+      std::copy_n(rows[i].begin(), result.cols(), result[i]);
+    else
+      jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, result[i]);
+  return result;
+}
+
 void bind_robot(nb::module_& m) {
   auto made = structure<Robot>(m, "Robot", {c::table_of<Robot>.fields, 0});
   bind_parts(made, "chain", &Robot::chain);
@@ -137,16 +149,23 @@ void bind_robot(nb::module_& m) {
            [](const Robot& robot, int i, double position) {
              return motor_reading(robot.chain.at(i), position);
            })
+      .def("rod_rows", &rod_rows)
+      .def("shortfall",  // at home
+           [](const Robot& robot, int i) {
+             const Pose pose = placed(robot, to_pose(robot.mobility, robot.home));
+             const Chain& of = robot.chain.at(i);
+             return shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
+           })
       .def("drawn_parameters",
            [](const Robot& drawn) {
-             Owned<double> xi({parameters_of(drawn)});
-             require(drawn_parameters(drawn, xi[0]));
-             return xi.release();
+             std::vector<double> xi(parameters_of(drawn));
+             require(drawn_parameters(drawn, xi.data()));
+             return xi;
            })
       .def("with_parameters",
-           [](const Robot& drawn, const Row& xi) {
+           [](const Robot& drawn, const std::vector<double>& xi) {
              Robot robot = drawn;
-             if (xi.shape(0) != parameters_of(drawn))
+             if (xi.size() != parameters_of(drawn))
                throw nb::value_error("one value for each column");
              require(set_parameters(drawn, xi.data(), robot));
              static_cast<void>(note_assembly(robot));
@@ -211,39 +230,27 @@ nb::tuple type_of(const c::Field& field) {
   return nb::make_tuple(number, nb::tuple(shape));
 }
 
-/// An array of this type in a copy of the memory.
-nb::object array_of(const nb::object& shape, const nb::object& type, const void* memory,
-                    std::size_t size) {
-  return nb::module_::import_("numpy").attr("ndarray")(shape, type, nb::bytes(memory, size));
+/// A member of a struct as an array in its memory.
+nb::object view(nb::handle self, const c::Field& field) {
+  char* memory = nb::inst_ptr<char>(self) + field.offset;
+  const nb::tuple type = type_of(field);
+  return numpy("ndarray")(
+      type[1], type[0],
+      nb::steal(PyMemoryView_FromMemory(memory, field.count() * field.width(), PyBUF_WRITE)));
 }
 }  // namespace
 
 nb::object get_member(nb::handle self, const c::Field& field) {
-  const nb::tuple type = type_of(field);
-  const auto size = static_cast<std::size_t>(field.count() * field.width());
-  const nb::object array = array_of(type[1], type[0], &at<char>(self, field.offset), size);
-  return array.attr(field.rows ? "copy" : "item")();
+  return view(self, field).attr(field.rows ? "copy" : "item")();
 }
 
 void set_member(nb::handle self, const c::Field& field, nb::handle value) {
-  std::vector<double> numbers(static_cast<std::size_t>(field.count()));
-  const nb::object dimensions = nb::module_::import_("numpy").attr("ndim")(value);
-  bool good = (field.rows > 0) == (nb::cast<int>(dimensions) > 0) &&
-              take_numbers(value, numbers.data(), numbers.size());
-  for (const double number : numbers)
-    good = good && (field.numbers == c::Numbers::real || number == std::trunc(number));
-  if (!good) throw nb::type_error(field.name);
-  for (std::size_t k = 0; k < numbers.size(); ++k) {
-    const int offset = field.offset + static_cast<int>(k) * field.width();
-    switch (field.numbers) {
-      case c::Numbers::real: at<Real>(self, offset) = numbers[k]; break;
-      case c::Numbers::whole:
-        at<std::uint32_t>(self, offset) =
-            static_cast<std::uint32_t>(static_cast<std::int64_t>(numbers[k]));
-        break;
-      default: at<bool>(self, offset) = numbers[k] != 0;
-    }
-  }
+  const nb::object given = numpy("asarray")(value), all = view(self, field).attr("reshape")(-1);
+  if ((field.rows > 0) != (nb::cast<int>(given.attr("ndim")) > 0)) throw nb::type_error(field.name);
+  const nb::object numbers = given.attr("ravel")();
+  const nb::slice first(nb::int_(0), numbers.attr("size"), nb::none());
+  all.attr("fill")(0);
+  numpy("copyto")(all[first], numbers, "same_kind");
 }
 
 std::array<std::string, 2> signatures(const c::Field& field) {
@@ -262,7 +269,7 @@ nb::object records(const void* data, std::size_t count, std::size_t size, const 
   nb::dict type;
   type["names"] = names, type["formats"] = formats, type["offsets"] = offsets;
   type["itemsize"] = size;
-  return array_of(nb::make_tuple(count), type, data, count * size);
+  return numpy("ndarray")(count, type, nb::bytes(data, count * size));
 }
 
 void enumeration(nb::module_& m, const char* name, const std::vector<const char*>& members) {
@@ -274,10 +281,8 @@ void enumeration(nb::module_& m, const char* name, const std::vector<const char*
 
 void bind_structs(nb::module_& m) {
   bind_tables(m);
-  structure<Chain>(m, "Chain");
-  structure<Sensor>(m, "Sensor");
-  structure<Body>(m, "Body");
-  structure<PassiveAxis>(m, "PassiveAxis");
+  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MomentumSettings,
+             MultirateSettings, SafetyLimits, StartSettings, StartReport, SafetyReport>(m);
   structure<engine::Body>(
       m, "MechanismBody",
       TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));
@@ -286,17 +291,10 @@ void bind_structs(nb::module_& m) {
       TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, mode,
                        compliance, plane, normal, joint, exchanged));
   structure<FullLevel>(m, "FullLevel", TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess));
-  structure<ControlSettings>(m, "ControlSettings")
+  structure<ControlSettings>(m, "ControlSettings", c::table_of<ControlSettings>)
       .def("place_poles",
            [](ControlSettings& own, const Robot& robot, const Coordinates& x, double frequency,
               double damping) { return answered(place_poles(robot, x, frequency, damping, own)); });
-  structure<FaultMonitorSettings>(m, "FaultMonitorSettings");
-  structure<MomentumSettings>(m, "MomentumSettings");
-  structure<MultirateSettings>(m, "MultirateSettings");
-  structure<SafetyLimits>(m, "SafetyLimits");
-  structure<StartSettings>(m, "StartSettings");
-  structure<StartReport>(m, "StartReport");
-  structure<SafetyReport>(m, "SafetyReport");
   structure<Effects>(m, "Effects",
                      TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness,
                                       arm_damping, ripple, phase, delayed));

@@ -42,9 +42,10 @@ nb::class_<T> structure(nb::module_& m, const char* name, const c::Table& table)
     made.def("__bytes__", [size = table.size](const T& own) { return nb::bytes(&own, size); });
   return made;
 }
-template <class T>
-nb::class_<T> structure(nb::module_& m, const char* name) {
-  return structure<T>(m, name, c::table_of<T>);
+/// Those of C, by their names in the core.
+template <class... T>
+void structures(nb::module_& m) {
+  (structure<T>(m, c::table_of<T>.name, c::table_of<T>), ...);
 }
 
 /// Records as a structured numpy array, a copy of theirs, with these members.

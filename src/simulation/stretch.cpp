@@ -5,7 +5,7 @@
 
 namespace truepose {
 namespace {
-/// Computes the smallest tensions T that hold w, G T = -w. @param G  each rod's row
+/// Computes the smallest tensions T (or torques) that hold w, G T = -w. @param G  each rod's row
 /// @return whether every load can be held
 bool held(const RowMatrix& G, const std::vector<double>& w, std::vector<double>& T) {
   const SingularValues rods = singular_values(G);
@@ -51,10 +51,19 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
     for (int j = 0; j < freedoms; ++j) G[rod][j] = -row[m.motors + j] / length[rod];
   }
   const auto w = weight.begin() + m.motors;
+  // Of redundant motors the torques are the smallest (Jacobians), by_reading T + own.
+  Joint by_reading{}, own{};
+  for (int i = 0; i < m.motors && overdriven(robot); ++i) {
+    const Driven driven = driven_point(robot.chain[i], q[i]);
+    by_reading[i] = by_motor[i] * driven.rate;
+    own[i] = weight_of_arm(robot, robot.chain[i], driven.dB);
+    for (int j = 0; j < freedoms; ++j) w[j] -= own[i] * (G[i][j] /= by_reading[i]);
+  }
   if (!held(G, {w, w + freedoms}, T)) return {Status::singular, -1};
   for (int i = 0; i < m.motors; ++i) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     double* of = T.data() + per * i;
+    if (overdriven(robot)) *of = (*of - own[i]) / by_reading[i];
     const double sum = per == 1 ? of[0] : of[0] + of[1];
     pull.tension[i] = std::isnan(load.tension[i]) ? sum : load.tension[i];
     pull.rate[i] = driven.rate;
@@ -103,8 +112,9 @@ Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Join
     (telescopic(i) ? chain.encoder_offset : chain.rod) +=
         telescopic(i) ? length / by.rate[i] : length;
     chain.rod_difference += compliance[i] * by.difference[i];
-    result.by_arm[i] = chain.actuator == Actuator::revolute ? chain.encoder_gain * by.torque[i] : 0;
-    chain.encoder_offset -= arms[i] * result.by_arm[i];
+    if (chain.actuator != Actuator::revolute) continue;
+    const double by_arm = result.by_compliance[i][n + i] = chain.encoder_gain * by.torque[i];
+    chain.encoder_offset -= arms[i] * by_arm;
   }
   PoseRows H_x;
   outcome = linearise(level, longer, pose, result.q_e, H_x, H_xi);

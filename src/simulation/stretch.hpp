@@ -49,9 +49,9 @@ Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load
 /// Readings of a robot under load at a pose.
 struct UnderLoad {
   Extended q_e;
-  Joint tension;                                   ///< of every chain, N
-  Matrix<kMaxReadings, kMaxChains> by_compliance;  ///< ∂q_e/∂c of every chain, x held
-  Joint by_arm{};                                  ///< ∂q/∂(compliance of its arm), x held
+  Joint tension;  ///< of every chain, N
+  /// ∂q_e/∂(compliance) of every chain, then of every chain's arm, x held.
+  Matrix<kMaxReadings, 2 * kMaxChains> by_compliance{};
 };
 
 /// Computes the readings under load and their derivatives by compliance.

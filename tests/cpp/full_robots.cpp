@@ -1,12 +1,7 @@
 #include "full_robots.hpp"
 
 namespace mechanisms {
-void for_each_full(const std::function<void(const Mechanism&)>& f) {
-  for (const Mechanism& mechanism : with_pairs()) {
-    check::state().scene = mechanism.name;
-    f(mechanism);
-  }
-}
+void for_each_full(const std::function<void(const Mechanism&)>& f) { for_all(with_pairs(), f); }
 
 double gaussian(check::Random& random) {
   const double u = 0.5 * (1 - random()), angle = std::numbers::pi * random();

@@ -99,14 +99,6 @@ int Guarded::until_stop(int most, const std::function<void(SafetyCycle&, int)>& 
 }
 
 void for_some_guarded(const std::function<void(const Mechanism&)>& f) {
-  const auto one = [&](const Mechanism& mechanism) {
-    check::state().scene = mechanism.name;
-    f(mechanism);
-  };
-  one(h4());
-  one(delta());
-  one(hexapod("6-UPS", Actuator::telescopic));
-  one(g1_ankle());
-  one(lever());
+  for_all({h4(), delta(), hexapod("6-UPS", Actuator::telescopic), g1_ankle(), lever()}, f);
 }
 }  // namespace pivots_tested

@@ -54,10 +54,8 @@ class Prior {
 /// A telemeter along a line through `origin`, towards a plane of the nacelle.
 Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target, const Vec3& normal);
 
-void complete(Mechanism& mechanism);
-
-void add_body(Robot& robot, double mass, const Vec3& pivot, const Vec3& anchor,
-              const Vec3& inertia);
+void add_body(Robot& robot, double mass, const Vec3& pivot, const Vec3& anchor = Vec3::Zero(),
+              const Vec3& inertia = Vec3::Zero());
 
 void set_masses(Chain& chain, double drive, double arm, double rod);
 
@@ -68,7 +66,7 @@ Mechanism h4();
 
 Mechanism five_bar();
 
-Mechanism planar(const char* name, Actuator actuator);
+Mechanism planar(const char* name, Actuator actuator, int motors = 3);
 
 /// A 3-RPR of similar triangles: wherever θ is 0 its legs meet in one point, a singularity of
 /// type 2.
@@ -92,47 +90,50 @@ Mechanism four_rrr();
 /// A platform on eight taut cables: two motors more than freedoms.
 Mechanism eight_cables();
 
+/// Calls f(mechanism) for each of a list.
+void for_all(const std::vector<Mechanism>& list, const std::function<void(const Mechanism&)>& f);
 /// Calls f(mechanism) for each that no passive axes carry (theirs: rotational.hpp).
 void for_each(const std::function<void(const Mechanism&)>& f);
 /// The same for those with as many motors as freedoms.
 void for_each_square(const std::function<void(const Mechanism&)>& f);
-
-/// A statement about each robot of a list (for_each, for_each_pivot…). Its body has the robot's
-/// mobility K, its n freedoms, its motors and its mechanism.
-#define TEST_EACH(list, statement)                                                             \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Mobility K, int n,       \
-                                          int motors);                                         \
-  TEST(statement) {                                                                            \
-    list([](const Mechanism& mechanism) {                                                      \
-      CHECK_JOIN(each_, __LINE__)                                                              \
-      (mechanism, mechanism.robot.mobility, dof(mechanism.robot.mobility),                     \
-       mechanism.robot.motors);                                                                \
-    });                                                                                        \
-  }                                                                                            \
-  static void CHECK_JOIN(each_, __LINE__)([[maybe_unused]] const Mechanism& mechanism,         \
-                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n, \
-                                          [[maybe_unused]] int motors)
-
+/// The same for those with more.
+void for_each_overdriven(const std::function<void(const Mechanism&)>& f);
 /// Calls f(mechanism, level) for each at its levels.
 void for_each_model(const std::function<void(const Mechanism&, Level)>& f);
 
-/// A statement about each robot at its levels. Its body has K, n, the level and the mechanism.
-#define TEST_MODELS(statement)                                                                 \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level, Mobility K, \
-                                          int n, int motors);                                  \
-  TEST(statement) {                                                                            \
-    for_each_model([](const Mechanism& mechanism, Level level) {                               \
-      CHECK_JOIN(each_, __LINE__)                                                              \
-      (mechanism, level, mechanism.robot.mobility, dof(mechanism.robot.mobility),              \
-       mechanism.robot.motors);                                                                \
-    });                                                                                        \
-  }                                                                                            \
-  static void CHECK_JOIN(each_, __LINE__)(const Mechanism& mechanism, Level level,             \
-                                          [[maybe_unused]] Mobility K, [[maybe_unused]] int n, \
-                                          [[maybe_unused]] int motors)
-
 /// A random pose of the box, shrunk by `part`.
 Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1);
+
+/// What a statement about each robot is about: its body has these.
+struct Subject {
+  const Mechanism& mechanism;
+  Level level = Level::ideal;
+  const Robot& robot = mechanism.robot;
+  Mobility K = robot.mobility;
+  int n = dof(K), motors = robot.motors;
+
+  Coordinates any_x(check::Random& random, double part = 1) const {
+    return random_pose(mechanism, random, part);
+  }
+  Pose any_pose(check::Random& random, double part = 1) const {
+    return to_pose(K, any_x(random, part));
+  }
+};
+
+/// A statement about each robot of a list (for_each, for_each_pivot…), of for_each_model at each of
+/// its levels. Its body is a function of a Subject.
+#define TEST_EACH(list, statement)                                    \
+  namespace {                                                         \
+  struct CHECK_JOIN(Each, __LINE__) : Subject {                       \
+    void holds() const;                                               \
+  };                                                                  \
+  }                                                                   \
+  TEST(statement) {                                                   \
+    list([](const Mechanism& mechanism, Level level = Level::ideal) { \
+      CHECK_JOIN(Each, __LINE__){{mechanism, level}}.holds();         \
+    });                                                               \
+  }                                                                   \
+  void CHECK_JOIN(Each, __LINE__)::holds() const
 
 /// x moved by `size` metres and radians in every freedom, up or down.
 Pose nearby(Mobility K, const Pose& pose, check::Random& random, double size);

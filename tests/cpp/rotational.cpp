@@ -130,10 +130,7 @@ Mechanism lever() {
 
 void for_each_pivot(const std::function<void(const Mechanism&)>& f) {
   static const std::vector<Mechanism> all{g1_ankle(), x1_ankle(), neck(), lever()};
-  for (const Mechanism& mechanism : all) {
-    check::state().scene = mechanism.name;
-    f(mechanism);
-  }
+  for_all(all, f);
 }
 
 void for_every(const std::function<void(const Mechanism&)>& f) {

@@ -17,7 +17,7 @@ double largest(const Vec3& v, int count = 3) {
 
 TEST_EACH(for_each,
           "poses a tenth of a millimetre or a hundredth of a degree apart are modes of their own") {
-  const Pose home = to_pose(K, mechanism.robot.home);
+  const Pose home = to_pose(K, robot.home);
   std::vector<Pose> found{home};
   for (int j = 0; j < n; ++j) {
     Coordinates step{};
@@ -26,18 +26,18 @@ TEST_EACH(for_each,
     step[j] = 1e-4 + 1e-9;  // another search's end there
     found.push_back(moved(K, home, step));
   }
-  const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
+  const std::vector<AssemblyMode> modes = distinct_modes(robot, found);
   CHECK(std::ssize(modes) == n + 1);
   CHECK(modes.front().seen == 1);
   for (std::size_t k = 1; k < modes.size(); ++k) CHECK(modes[k].seen == 2);
 }
 
 TEST_EACH(for_each, "the mode nearest to home is told first") {
-  const Pose home = to_pose(K, mechanism.robot.home);
+  const Pose home = to_pose(K, robot.home);
   check::Random random(81);
   std::vector<Pose> found;
-  for (int k = 0; k < 20; ++k) found.push_back(to_pose(K, random_pose(mechanism, random)));
-  const std::vector<AssemblyMode> modes = distinct_modes(mechanism.robot, found);
+  for (int k = 0; k < 20; ++k) found.push_back(any_pose(random));
+  const std::vector<AssemblyMode> modes = distinct_modes(robot, found);
   CHECK(modes.size() == 20);
   const auto from_home = [&](const Pose& at) {
     return std::max(largest(at.D - home.D), (at.R - home.R).norm());
@@ -47,7 +47,6 @@ TEST_EACH(for_each, "the mode nearest to home is told first") {
 }
 
 TEST_EACH(for_each, "every start is one from which the rods can reach") {
-  const Robot& robot = mechanism.robot;
   Closure closure;
   CHECK(ikm(robot, to_pose(K, robot.home), closure));
   const Joint q = closure.q();

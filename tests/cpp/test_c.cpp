@@ -33,7 +33,7 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
     CHECK(truepose_sensors(model) == robot.r);
     const Level level = level_of(robot);
     for (int k = 0; k < 20; ++k) {
-      const Coordinates x = random_pose(mechanism, random);
+      const Coordinates x = any_x(random);
       Joint q{};
       truepose_real q_c[TRUEPOSE_MOTORS] = {}, x_c[TRUEPOSE_FREEDOMS] = {},
                     q_e[TRUEPOSE_READINGS] = {};
@@ -72,9 +72,9 @@ TEST_EACH(for_each, "kinematics through C is the core's, bit for bit, at both le
 
 TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
   check::Random random(2);
-  const ModelInC model(mechanism.robot);
+  const ModelInC model(robot);
   for (int k = 0; k < 20; ++k) {
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     truepose_pose pose, found;
     truepose_real back[TRUEPOSE_FREEDOMS], q[TRUEPOSE_MOTORS], q_pose[TRUEPOSE_MOTORS];
     std::copy_n(x.begin(), 6, back);
@@ -86,10 +86,10 @@ TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
     Joint serial{};
     CHECK(same(truepose_ikm_pose(model, &pose, q_pose, &least), {}));
     for (int i = 0; i < motors; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
-    CHECK(conditioning(mechanism.robot, x, parallel, serial));
-    for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
+    CHECK(conditioning(robot, x, parallel, serial));
+    for (int i = 0; i < motors; ++i) parallel = std::min(parallel, serial[i]);
     CHECK_NEAR(least, parallel, 1e-10);
-    truepose_pose_of(model, mechanism.robot.home.data(), &found);
+    truepose_pose_of(model, robot.home.data(), &found);
     CHECK(truepose_fkm_pose(model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
     for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
   }
@@ -98,7 +98,7 @@ TEST_EACH(for_each, "a pose as position and rotation is the same pose") {
   CHECK(truepose_coordinates_of(model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
   flat.rotation[8] = NAN;
   CHECK(truepose_coordinates_of(model, &flat, x).status == TRUEPOSE_NOT_FINITE);
-  if (mechanism.robot.mobility == Mobility::spatial) return;
+  if (robot.mobility == Mobility::spatial) return;
   const truepose_pose tilted = {{0, 0, -0.4}, {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}};
   CHECK(truepose_coordinates_of(model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
 }
@@ -119,7 +119,7 @@ TEST_EACH(for_each_pivot,
   CHECK(std::memcmp(&again, &model.table, sizeof again) == 0);
   check::Random random(9);
   for (int k = 0; k < 20; ++k) {
-    const Coordinates x = random_pose(mechanism, random, 0.6);
+    const Coordinates x = any_x(random, 0.6);
     Joint q{};
     truepose_real q_c[TRUEPOSE_MOTORS],
         x_c[TRUEPOSE_FREEDOMS] = {}, J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS],
@@ -191,7 +191,6 @@ TEST("roll, pitch and yaw lead to a rotation and back, also upright and over tur
 
 TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's") {
   check::Random random(4);
-  const Robot& robot = mechanism.robot;
   const ModelInC model(robot);
   KnownInC known(robot);
   CHECK(known.work.size() == truepose_work(model, known.of.count));
@@ -212,10 +211,10 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
     keeps_alone.kept = &kept_alone;
     for (int k = 0; k < 5; ++k) {
       Setpoint setpoint;
-      setpoint.x = random_pose(mechanism, random, 0.3);
+      setpoint.x = any_x(random, 0.3);
       const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
       Extended q_e = readings_at(robot, setpoint.x);
-      for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
+      for (int i = 0; i < motors + robot.r; ++i) q_e[i] += 1e-4 * random();
       Joint e{};
       truepose_real torque[TRUEPOSE_MOTORS] = {};
       truepose_servo_cycle cycle;
@@ -256,7 +255,6 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
 
 TEST_EACH(for_each,
           "slow sensors in C are the core's, with timestamps and without, under every law") {
-  const Robot& robot = mechanism.robot;
   if (robot.r == 0) return;
   ModelInC model(robot);
   KnownInC known(robot);
@@ -363,7 +361,6 @@ TEST("slow sensors that none can have are refused, and their absence is allowed"
 
 TEST_EACH(for_each,
           "a monitor in C finds a sensor that is gone, goes on without, and believes it again") {
-  const Robot& robot = mechanism.robot;
   const ModelInC model(robot);
   KnownInC known(robot);
   truepose_controller controller = controller_in_c(in_c(settings_for(robot, Law::joint)));
@@ -403,7 +400,6 @@ TEST_EACH(for_each,
 
 TEST_EACH(for_each, "a learner in C learns what the core's does") {
   check::Random random(5);
-  const Robot& robot = mechanism.robot;
   const ModelInC model(robot);
   KnownInC known(robot);
   Prior twin(robot);
@@ -422,7 +418,7 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   Robot truth = robot;
   truth.chain[0].encoder_offset += 1e-3;
   for (int k = 0; k < 10; ++k) {
-    const Extended q_e = readings_at(truth, random_pose(mechanism, random));
+    const Extended q_e = readings_at(truth, any_x(random));
     CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()), calibrate_online(core, q_e)));
   }
   truepose_model learnt;
@@ -444,7 +440,7 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   CHECK(same(again.outcome, {}));
   truepose_real q_again[TRUEPOSE_MOTORS] = {};
   CHECK(truepose_ikm(again, robot.home.data(), q_again).status == TRUEPOSE_OK);
-  for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
+  for (int i = 0; i < motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
   CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
 }
 
@@ -628,20 +624,19 @@ TEST("every status has the core's number and says what it is") {
 
 TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of their own calls") {
   check::Random random(11);
-  const Robot& robot = mechanism.robot;
   const ModelInC c_model(robot);
   Model model;
   CHECK(model.load(c_model.table));
   CHECK(model.freedoms() == n && model.motors() == motors && model.sensors() == robot.r);
   for (const truepose_law law : {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
     if (law != TRUEPOSE_LAW_JOINT && redundancy(robot) == 0) continue;
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     Extended q_e{};
     Joint q{}, e{};
     std::array<Joint, 6> J;
     std::array<Extended, TRUEPOSE_MOTORS> tej;
     CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
-    for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
+    for (int i = 0; i < motors + robot.r; ++i) q_e[i] += 1e-4 * random();
     truepose_servo_cycle cycle;
     CHECK(model.servo(law, x, q_e, cycle));
     CHECK(motor_error(robot, static_cast<Law>(law), x, q_e, e));
@@ -661,12 +656,11 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
 TEST_EACH(for_each_square,
           "joint states conserve power, and motor commands act on the joints as commanded") {
   check::Random random(12);
-  const Robot& robot = mechanism.robot;
   const ModelInC c_model(robot);
   Model model;
   CHECK(model.load(c_model.table));
   for (int k = 0; k < 10; ++k) {
-    const Coordinates x = random_pose(mechanism, random, 0.3);
+    const Coordinates x = any_x(random, 0.3);
     Coordinates near = x;
     truepose_axis_state motors{}, joints{};
     for (int i = 0; i < n; ++i) {

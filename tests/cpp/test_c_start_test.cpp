@@ -29,7 +29,7 @@ TEST("a start-up test in C passes with the core's torques, brakes and scales") {
 
 TEST("limits that contradict themselves, and a test that is none, are refused") {
   const StartBench bench(limited_robot(h4()));
-  const ModelInC model(bench.robot);
+  const ModelInC model(bench.robot), held(four_rrr().robot);
   auto limits = in_c(bench.limits);
   truepose_start_test test{};
   truepose_start_report report{};
@@ -46,6 +46,8 @@ TEST("limits that contradict themselves, and a test that is none, are refused") 
                                             nullptr, &report));
   };
   CHECK(cycle(1) == Status::unfinished && report.state == 77);
+  CHECK(status(truepose_start_test_init(&test, sizeof test, held, nullptr, &limits)) ==
+        Status::not_square);
   CHECK(begun(truepose_start_test_size() - 1) == Status::too_small);
   settings.size = 3;
   CHECK(begun(sizeof test) == Status::other_version);

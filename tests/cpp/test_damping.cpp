@@ -89,17 +89,17 @@ TEST_EACH(for_each,
           "the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in millimetres") {
   check::Random random(91);
   for (int k = 0; k < 50; ++k) {
-    Coordinates x = random_pose(mechanism, random);
+    Coordinates x = any_x(random);
     Joint serial{}, again{};
     Closure closure;
-    CHECK(ikm(mechanism.robot, to_pose(K, x), closure));
+    CHECK(ikm(robot, to_pose(K, x), closure));
     const Dense A = Lines(closure).A;
     double parallel = 0, scaled = 0;
-    CHECK(conditioning(mechanism.robot, x, parallel, serial));
+    CHECK(conditioning(robot, x, parallel, serial));
     CHECK_NEAR(parallel,
                n / (A.norm() * reference::solve(A, Dense::Identity(motors, motors)).norm()), 1e-12);
     CHECK(parallel > 0.4 && parallel <= 1);
-    Robot large = mechanism.robot;
+    Robot large = robot;
     for (Chain& chain : large.chain) {
       for (Vec3* vector : {&chain.base, &chain.pivot, &chain.anchor}) *vector *= 1000;
       chain.arm *= 1000;

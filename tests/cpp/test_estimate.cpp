@@ -63,11 +63,12 @@ Dense dense(Level level, const Scene& scene, const Pose& pose) {
 
 }  // namespace
 
-TEST_MODELS("fuse is generalised least squares: gain and covariance against dense algebra") {
+TEST_EACH(for_each_model,
+          "fuse is generalised least squares: gain and covariance against dense algebra") {
   check::Random random(5);
   Scene scene(mechanism, random);
   const Robot& robot = scene.robot;
-  const Pose pose = to_pose(K, random_pose(mechanism, random));
+  const Pose pose = any_pose(random);
   const Dense at = dense(level, scene, pose);
   const Eigen::MatrixXd weights = reference::inverse(at.C);
   const Eigen::MatrixXd P = reference::inverse(at.H.transpose() * weights * at.H);
@@ -105,13 +106,14 @@ TEST_MODELS("fuse is generalised least squares: gain and covariance against dens
   CHECK((reference::dense(same.by_geometry) - geometry).norm() < 1e-12 * geometry.norm());
 }
 
-TEST_MODELS(
+TEST_EACH(
+    for_each_model,
     "the estimate leaves no residual that a step could lower, and knows the pose it came from") {
   check::Random random(5);
   Scene scene(mechanism, random);
   const Robot& robot = scene.robot;
   for (int k = 0; k < 20; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random, 0.8));
+    const Pose pose = any_pose(random, 0.8);
     Parasitic rest;
     Extended q_e, expected;
     PoseRows H_x;
@@ -204,12 +206,13 @@ TEST("times_root is a product with a lower triangle, whatever is above it") {
   }
 }
 
-TEST_MODELS(
+TEST_EACH(
+    for_each_model,
     "a visit leaves the information of all its rows at once, those of known poses among them") {
   check::Random random(5);
   Scene scene(mechanism, random);
   std::vector<Visit> visits(15);
-  for (Visit& visit : visits) visit.pose = to_pose(K, random_pose(mechanism, random));
+  for (Visit& visit : visits) visit.pose = any_pose(random);
   Coordinates at_last = to_coordinates(K, visits.back().pose);
   Joint sigma;
   sigma.fill(1e-4);

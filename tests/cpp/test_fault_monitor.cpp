@@ -115,10 +115,9 @@ TEST("a tracker's gains are those of its innovations") {
 
 TEST_EACH(for_each,
           "a parity does not depend on the pose, and has each reading's fault by its signature") {
-  const Robot& robot = mechanism.robot;
   check::Random random(2);
   for (int pose = 0; pose < 20; ++pose) {
-    const Pose at = to_pose(K, random_pose(mechanism, random));
+    const Pose at = any_pose(random);
     Extended q_e{};
     Parity parity;
     if (!extended(Level::ideal, robot, at, q_e) ||
@@ -148,7 +147,7 @@ TEST_EACH(for_each, "readings of a healthy robot stay valid, and are believed as
 }
 
 TEST_EACH(for_each, "a jump, a dropout and a spike are found in their cycle, in whatever reading") {
-  const int rows = readings(mechanism.robot);
+  const int rows = readings(robot);
   for (int c = 0; c < rows; ++c)
     for (const double wrong : {0.5, static_cast<double>(NAN)}) {
       Scene scene(mechanism);
@@ -252,9 +251,9 @@ TEST_EACH(
     for_each,
     "fast motion over an unknown geometry is no jump, and in slow motion a small jump is found") {
   Scene fast(mechanism), slow(mechanism);
-  Prior prior(mechanism.robot);
+  Prior prior(robot);
   prior.known().sigma.fill(1e-7);
-  Robot truth = mechanism.robot;
+  Robot truth = robot;
   for (int i = 0; i < truth.motors; ++i) truth.chain[i].encoder_offset += 2e-4 * (1 + i % 3);
   const auto cycle = [&](Scene& scene, double rate, int k, double jump) {
     Coordinates x = truth.home;
@@ -299,7 +298,7 @@ TEST_EACH(for_each, "a monitor begins with the first readings that have a pose")
 
 TEST_EACH(for_each,
           "what stands for a sensor that is gone, or never said anything, is what the motors say") {
-  for (int c = mechanism.robot.motors; c < readings(mechanism.robot); ++c)
+  for (int c = robot.motors; c < readings(robot); ++c)
     for (const auto& [nothing, begin] : {std::pair<double, int>{NAN, 100}, {NAN, 0}, {1e308, 0}}) {
       Scene scene(mechanism);
       CHECK(scene.healthy(begin));
@@ -312,9 +311,9 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "whole turns that an encoder loses are nothing that has moved") {
-  for (int c = 0; c < readings(mechanism.robot); ++c) {
+  for (int c = 0; c < readings(robot); ++c) {
     const double turn = 2 * std::numbers::pi;
-    if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
+    if (std::fabs(within_turn(robot, c, turn)) > 1) continue;  // of a slide: a jump
     Scene scene(mechanism);
     CHECK(scene.healthy(100));
     for (int k = 100; k < 200; ++k) {
@@ -387,7 +386,7 @@ TEST_EACH(for_each, "where a motor has failed as well, a sensor that has does no
 
 TEST_EACH(for_each,
           "a noisy reading is smoothed with a larger sigma, and never excluded for its noise") {
-  for (int c = 0; c < readings(mechanism.robot); ++c) {
+  for (int c = 0; c < readings(robot); ++c) {
     Scene scene(mechanism);
     check::Random random(4);
     CHECK(scene.healthy(200));
@@ -408,7 +407,7 @@ TEST_EACH(for_each,
 }
 
 TEST_EACH(for_each, "a loose contact is no noise: it is bridged, and fails at the third time") {
-  for (int c = 0; c < readings(mechanism.robot); ++c)
+  for (int c = 0; c < readings(robot); ++c)
     for (const int lasts : {1, 2, 3}) {
       Scene scene(mechanism);
       CHECK(scene.healthy(200));

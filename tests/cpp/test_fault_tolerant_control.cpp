@@ -209,9 +209,8 @@ TEST_EACH(for_each, "a lost motor follows its feed-forward into its brake until 
 }
 
 TEST_EACH(for_each, "a learner goes back to before the lines of a reading that has failed since") {
-  const Robot& robot = mechanism.robot;
   Robot truth = robot;
-  for (int i = 0; i < robot.motors; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
+  for (int i = 0; i < motors; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
   Prior prior(robot);
   OnlineCalibrator learner = prior.learner(robot);
   CHECK(roll_back(learner));  // nothing yet
@@ -222,7 +221,7 @@ TEST_EACH(for_each, "a learner goes back to before the lines of a reading that h
   std::vector<std::vector<double>> past;  // what it knew before each line
   for (int k = 0; k < 40; ++k) {
     Extended q_e{};
-    CHECK(extended(Level::ideal, truth, to_pose(K, random_pose(mechanism, random, 0.5)), q_e));
+    CHECK(extended(Level::ideal, truth, any_pose(random, 0.5), q_e));
     past.push_back(xi());
     CHECK(calibrate_online(learner, q_e));
   }
@@ -231,13 +230,12 @@ TEST_EACH(for_each, "a learner goes back to before the lines of a reading that h
   CHECK(std::find(past.end() - 2 * kEvery, past.end(), now) != past.end());
   Robot known = robot;
   CHECK(set_parameters(robot, now.data(), known));
-  for (int i = 0; i < robot.motors; ++i) CHECK(learner.robot.chain[i].rod == known.chain[i].rod);
+  for (int i = 0; i < motors; ++i) CHECK(learner.robot.chain[i].rod == known.chain[i].rod);
   CHECK(learner.state.doubt.evidence == 0);
 }
 
 TEST_EACH(for_each,
           "a fault-tolerant robot learns nothing of a reading that is bridged or has failed") {
-  const Robot& robot = mechanism.robot;
   for (const FaultKind kind : {FaultKind::spike, FaultKind::jump, FaultKind::dropout}) {
     Prior prior(robot), learnt(robot);
     OnlineCalibrator learner = learnt.learner(robot);
@@ -253,7 +251,7 @@ TEST_EACH(for_each,
     extras.fault_settings = &fault_settings;
     extras.monitor_weighing = prior.weighing();
     check::Random random(73);
-    Run run{robot.home, random_pose(mechanism, random, 0.3), 0.1, 0.02, 2};
+    Run run{robot.home, any_x(random, 0.3), 0.1, 0.02, 2};
     long lines = 0;
     bool lied = false;
     const auto write = [&](const Sample& sample) {

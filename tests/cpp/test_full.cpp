@@ -36,7 +36,7 @@ TEST_EACH(for_each_full,
     Robot robot = with_axis_errors(mechanism.robot, random);
     for (int i = 0; i < robot.motors; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
     if (!finish_full(robot) || robot.full.kind != FullKind::exists) ++lost;
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     FullClosure closure, back;
     const FkmResult there = ikm(robot, pose, closure);
     gap = std::max(gap, largest_gap(robot, closure.pose, closure.q()));
@@ -130,7 +130,7 @@ TEST_EACH(for_each_full, "a solution that starts at its neighbour's is the same,
   for (int k = 0; k < 200; ++k) {
     Robot robot = with_axis_errors(mechanism.robot, random);
     CHECK(finish_full(robot));
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     const Pose next = nearby(K, pose, random, 1e-3);
     FullClosure first, from_ideal, from_near;
     Parasitic rest;

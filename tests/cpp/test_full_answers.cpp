@@ -30,7 +30,7 @@ TEST_EACH(
       robot.sensor[1].bar = k % 2;
       robot.sensor[1].gain = 1.1;
     }
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     FullClosure closure;
     JointMatrix of_closure, J;
     CHECK(ikm(robot, to_pose(K, x), closure));
@@ -160,7 +160,8 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     mirrored.full.sign = -robot.full.sign;
     x = robot.home;
     CHECK(fkm(Level::full, mirrored, q, x).status == Status::branch_lost);
-    for (int i = 0; i < robot.motors; ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
+    for (int i = 0; i < robot.motors; ++i)
+      mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
     mirrored.full.sign = robot.full.sign;
     x = robot.home;
     CHECK(fkm(Level::full, mirrored, q, x).status == Status::branch_lost);
@@ -183,10 +184,10 @@ TEST_EACH(for_each_full,
   check::Random random(97);
   for (long k = 0; k < check::sample_size(2000); ++k) {
     Coordinates x = random_joint(random, 2);
-    const FkmResult result = fkm(Level::full, mechanism.robot, random_joint(random, 4), x);
+    const FkmResult result = fkm(Level::full, robot, random_joint(random, 4), x);
     CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, n)));
     CHECK(!result || result.residual < 1e-12);
     Joint q{};
-    CHECK(!ikm(Level::full, mechanism.robot, random_joint(random, 1), q) || all_finite(q, n));
+    CHECK(!ikm(Level::full, robot, random_joint(random, 1), q) || all_finite(q, n));
   }
 }

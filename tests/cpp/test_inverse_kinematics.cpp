@@ -10,12 +10,12 @@ using reference::turn;
 TEST_EACH(for_each, "every loop closes to rounding") {
   check::Random random(1);
   for (int k = 0; k < 1000; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     Closure closure;
-    const Outcome closed = ikm(mechanism.robot, pose, closure);
+    const Outcome closed = ikm(robot, pose, closure);
     CHECK(closed && closed.chain == -1);
     for (int i = 0; i < motors; ++i) {
-      const Chain& chain = mechanism.robot.chain[i];
+      const Chain& chain = robot.chain[i];
       // From the encoder's reading alone, by the formulas of docs/model.md.
       const double position = closure.chain[i].q + chain.encoder_offset;
       const Vec3 A = pose.D + pose.R * chain.pivot + chain.anchor;
@@ -64,7 +64,7 @@ TEST_EACH(for_each, "a telemeter's point is on its line and on the nacelle's pla
   robot.r = 2;
   check::Random random(3);
   for (int k = 0; k < 200; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     Extended q_e;
     CHECK(extended(Level::ideal, robot, pose, q_e));
     for (int s = 0; s < 2; ++s) {
@@ -103,7 +103,7 @@ TEST_EACH(for_each, "difference() undoes moved(), for small steps and large ones
   check::Random random(5);
   for (const double size : {0.0, 1e-12, 1e-6, 0.009, 0.011, 0.3, 1.5})
     for (int k = 0; k < 100; ++k) {
-      const Pose start = to_pose(K, random_pose(mechanism, random));
+      const Pose start = any_pose(random);
       const Coordinates step = random_joint(random, size);
       const Pose end = moved(K, start, step);
       const Coordinates back = difference(K, end, start);
@@ -117,7 +117,7 @@ TEST_EACH(
     for_each,
     "the quintic starts and ends at rest, and its rate and acceleration are its derivatives") {
   check::Random random(6);
-  const Coordinates from = random_pose(mechanism, random), to = random_pose(mechanism, random);
+  const Coordinates from = any_x(random), to = any_x(random);
   const double T = 0.2, h = 1e-5;
   for (const double time : {-1.0, 0.0, T, 5.0}) {
     const Setpoint point = quintic(K, from, to, T, time);

@@ -28,13 +28,13 @@ TEST_EACH(for_each,
           "the rows of J_x and the entries of J_q are derivatives of the closure (|v|² - L²)/2") {
   check::Random random(32);
   for (int k = 0; k < 50; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     Closure closure;
     Jacobians jacobians;
-    CHECK(ikm(mechanism.robot, pose, closure));
+    CHECK(ikm(robot, pose, closure));
     CHECK(jacobian(closure, jacobians));
     for (int i = 0; i < motors; ++i) {
-      const Chain& chain = mechanism.robot.chain[i];
+      const Chain& chain = robot.chain[i];
       const auto closed = [&](const Pose& at, double q) {
         const Driven driven = driven_point(chain, q);
         const Vec3 v = chain.base + driven.p - at.D - at.R * chain.pivot - chain.anchor;
@@ -56,17 +56,17 @@ TEST_EACH(for_every,
           "K is the derivative of the inverse model, joint_rate() applies it, and J K = 1") {
   check::Random random(33);
   for (int k = 0; k < 50; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random, reach(K)));
+    const Pose pose = to_pose(K, any_x(random, reach(K)));
     Closure closure;
     Jacobians jacobians;
-    CHECK(ikm(mechanism.robot, pose, closure));
+    CHECK(ikm(robot, pose, closure));
     CHECK(jacobian(closure, jacobians));
     for (int j = 0; j < n; ++j) {
       const Joint rate = jacobians.joint_rate(unit(j, 1));
       for (int i = 0; i < motors; ++i) {
         const double slope = derivative([&](double h) {
           Closure there;
-          CHECK(ikm(mechanism.robot, moved(K, pose, unit(j, h)), there));
+          CHECK(ikm(robot, moved(K, pose, unit(j, h)), there));
           return there.chain[i].q;
         });
         CHECK_NEAR(rate[i], slope, 1e-8 * (1 + std::fabs(slope)));
@@ -82,7 +82,7 @@ TEST_EACH(for_every, "J K J = J, and K J is symmetric: J is the pseudo-inverse o
   for (int k = 0; k < 20; ++k) {
     Closure closure;
     Jacobians jacobians;
-    CHECK(ikm(mechanism.robot, to_pose(K, random_pose(mechanism, random, reach(K))), closure));
+    CHECK(ikm(robot, to_pose(K, any_x(random, reach(K))), closure));
     CHECK(jacobian(closure, jacobians));
     reference::Dense J(n, motors), inverse(motors, n);
     for (int j = 0; j < n; ++j) {

@@ -9,7 +9,7 @@ TEST_EACH(for_each, "for readings that agree, every law sees the joint error to 
   robot.sensor[1].weight = 16;
   check::Random random(62);
   for (int k = 0; k < 50; ++k) {
-    const Coordinates x = random_pose(mechanism, random), direction = random_joint(random, 1);
+    const Coordinates x = any_x(random), direction = random_joint(random, 1);
     for (const Law law : kLaws) {
       Prior prior(robot);
       Reference reference;
@@ -42,7 +42,7 @@ TEST_EACH(
   Robot robot = mechanism.robot;
   robot.r = 2;
   check::Random random(65);
-  const Coordinates x = random_pose(mechanism, random);
+  const Coordinates x = any_x(random);
   Knowledge known;
   known.sigma.fill(0.3);
   std::vector<double> work(estimate_work(robot, 0));
@@ -61,7 +61,7 @@ TEST_EACH(for_each,
   robot.sensor[1].weight = 16;
   check::Random random(78);
   for (int trial = 0; trial < 20; ++trial) {
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     Reference paper, reference;
     CHECK(refer(robot, Law::tej, x, paper));
     CHECK(refer(robot, Law::cartesian, x, reference));

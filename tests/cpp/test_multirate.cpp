@@ -42,7 +42,6 @@ std::uint64_t nanoseconds(double cycles) {
 }  // namespace
 
 TEST_EACH(for_each, "samples with timestamps are carried from their own time, between cycles too") {
-  const Robot& robot = mechanism.robot;
   if (robot.r == 0) return;
   for (const bool stamped : {true, false}) {
     Multirate late;
@@ -107,7 +106,6 @@ TEST("a sample that is no newer than the last, from the future or too old counts
 
 TEST_EACH(for_each,
           "late readings of an ideal robot are what it would read now, however old they are") {
-  const Robot& robot = mechanism.robot;
   for (const auto& [every, age] : {std::pair{10, 8}, {1, 3}, {7, 0}, {30, kOldest}}) {
     const MultirateSettings settings = all_late(every, age);
     Multirate late;
@@ -137,7 +135,6 @@ TEST_EACH(for_each,
 TEST_EACH(
     for_each,
     "what the geometry has wrong is kept, and a reading is doubted by how far it was carried") {
-  const Robot& robot = mechanism.robot;
   if (robot.r == 0) return;
   Robot truth = robot;
   truth.sensor[0].offset += 0.02;
@@ -169,7 +166,6 @@ TEST_EACH(
 
 TEST_EACH(for_each,
           "motors without a pose for some cycles, and samples that are none, leave no trace") {
-  const Robot& robot = mechanism.robot;
   const MultirateSettings settings = all_late(10, 8);
   Multirate late;
   CHECK(start(settings, late));

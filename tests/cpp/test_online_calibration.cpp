@@ -90,12 +90,13 @@ TEST("the equations of a line, one after another, say what they say together") {
   CHECK_NEAR(volume, reference::determinant(C), 1e-9 * volume);
 }
 
-TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations together") {
+TEST_EACH(for_each_model,
+          "one line is learnt as Kalman's formula has it, all of its equations together") {
   Scene scene(mechanism, 11, 2, 0.01);  // so little that nothing is of second order
   const int rows = readings(scene.robot), p = scene.count();
   const Eigen::VectorXd before = scene.mean();
   const reference::Rows P = scene.covariance();
-  const Extended q_e = scene.read(level, mechanism.robot.home);
+  const Extended q_e = scene.read(level, robot.home);
   // About a ξ of linearisation, so that nothing counts as curvature.
   std::vector<double> about(parameter_count(scene.robot));
   CHECK(drawn_parameters(scene.robot, about.data()));
@@ -136,17 +137,19 @@ TEST_MODELS("one line is learnt as Kalman's formula has it, all of its equations
   }
 }
 
-TEST_MODELS("a robot that differs within its tolerances passes the gate from its first line on") {
+TEST_EACH(for_each_model,
+          "a robot that differs within its tolerances passes the gate from its first line on") {
   Scene scene(mechanism, 12);
   for (long k = 0; k < check::sample_size(200); ++k)
     CHECK(scene.row(level, mechanism).status == Status::ok);
 }
 
-TEST_MODELS("where one reading alone is wrong, the others teach what they teach without it") {
+TEST_EACH(for_each_model,
+          "where one reading alone is wrong, the others teach what they teach without it") {
   const auto taught = [&](bool wrong) {
     Scene scene(mechanism, 13);
     for (int k = 0; k < 60; ++k) CHECK(scene.row(level, mechanism));
-    Extended q_e = scene.read(level, mechanism.robot.home);
+    Extended q_e = scene.read(level, robot.home);
     const std::vector<double> about(scene.state().xi,
                                     scene.state().xi + parameter_count(scene.robot));
     scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
@@ -161,13 +164,13 @@ TEST_MODELS("where one reading alone is wrong, the others teach what they teach 
   CHECK((alone - without).cwiseAbs().maxCoeff() < 1e-8);
 }
 
-TEST_MODELS("a line that nothing explains teaches nothing") {
+TEST_EACH(for_each_model, "a line that nothing explains teaches nothing") {
   if (motors > n) return;  // which redundant motors explain
   Scene scene(mechanism, 14, 1);
   for (int k = 0; k < 60; ++k) CHECK(scene.row(level, mechanism));
   const Eigen::VectorXd mean = scene.mean();
   const reference::Rows P = scene.covariance();
-  Extended q_e = scene.read(level, mechanism.robot.home);
+  Extended q_e = scene.read(level, robot.home);
   q_e[n] += 1000 * scene.state().sigma[n];
   const Outcome outcome = calibrate_online(level, scene.learner(), q_e);
   CHECK(outcome.status == Status::disagree && outcome.chain == -1);
@@ -176,7 +179,8 @@ TEST_MODELS("a line that nothing explains teaches nothing") {
   CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
 }
 
-TEST_MODELS("readings that keep disagreeing stop it within ten lines, at what was last good") {
+TEST_EACH(for_each_model,
+          "readings that keep disagreeing stop it within ten lines, at what was last good") {
   Scene scene(mechanism, 15);
   const auto line = [&] { return scene.read(level, random_pose(mechanism, scene.random(), 0.5)); };
   std::vector<Eigen::VectorXd> means;

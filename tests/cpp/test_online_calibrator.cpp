@@ -37,20 +37,20 @@ class Scene {
 
 TEST_EACH(for_each, "a line counts where a reading has moved since the last one that counted") {
   Scene scene(mechanism);
-  const Extended first = scene.read(mechanism.robot.home);
+  const Extended first = scene.read(robot.home);
   CHECK(scene.learn(first));
   for (int cycle = 0; cycle < 5; ++cycle) CHECK(scene.learn(first));
   CHECK(scene.learner.lines == 1);  // at rest nothing is news
   const double fresh = scene.learner.fresh * scene.sigma();
   // One motor's reading alone moves: the others may contradict it, and the line is left out.
   const auto counted = [&] { return scene.learner.lines + scene.learner.left_out; };
-  CHECK(scene.learn(scene.read(mechanism.robot.home, 0.9 * fresh)));
+  CHECK(scene.learn(scene.read(robot.home, 0.9 * fresh)));
   CHECK(scene.learner.lines == 1);
-  CHECK(scene.learn(scene.read(mechanism.robot.home, 1.1 * fresh)));
+  CHECK(scene.learn(scene.read(robot.home, 1.1 * fresh)));
   CHECK(counted() == 2);
   // Slow motion adds up: against the line that counted, not against the last cycle's.
   for (int cycle = 1; cycle <= 10; ++cycle)
-    CHECK(scene.learn(scene.read(mechanism.robot.home, (1.1 + 0.3 * cycle) * fresh)));
+    CHECK(scene.learn(scene.read(robot.home, (1.1 + 0.3 * cycle) * fresh)));
   CHECK(counted() == 2 + 2);
 }
 
@@ -58,8 +58,8 @@ TEST_EACH(for_each, "what is learnt is what the controller believes in the same 
   Scene scene(mechanism);
   check::Random random(71);
   for (int k = 0; k < 30; ++k) {
-    CHECK(scene.learn(scene.read(random_pose(mechanism, random, 0.5))));
-    std::vector<double> believed(parameter_count(mechanism.robot));
+    CHECK(scene.learn(scene.read(any_x(random, 0.5))));
+    std::vector<double> believed(parameter_count(robot));
     CHECK(drawn_parameters(scene.learner.robot, believed.data()));
     const OnlineState& state = scene.learner.state;
     bool same = true;

@@ -168,7 +168,7 @@ TEST_EACH(
   // All of the cycles for the paper's robot, a tenth for each of the others.
   const long many = check::sample_size(kCycles) / (K == Mobility::schoenflies ? 1 : 10);
   for (const Level level : {Level::ideal, Level::full}) {
-    if (level == Level::full && !mechanism.robot.full.own()) continue;
+    if (level == Level::full && !robot.full.own()) continue;
     const Scene made(mechanism, 1, level);
     Prior prior(made.robot);
     CachedGain kept;

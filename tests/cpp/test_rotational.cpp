@@ -20,13 +20,12 @@ double slope_of(F&& f, double h = 1e-4) {
 
 // A few corners of an ankle's box lie beyond its cranks' reach (G1: 3 %): IKM says so.
 TEST_EACH(for_each_pivot, "FKM(IKM(x)) = x from neutral over the whole range, none lost") {
-  const Robot& robot = mechanism.robot;
   check::Random random(72);
   double worst = 0;
   long lost = 0, beyond = 0;
   const long poses = check::sample_size(20000);
   for (long k = 0; k < poses; ++k) {
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     Joint q;
     if (!ikm(Level::ideal, robot, x, q)) {
       ++beyond;
@@ -44,13 +43,12 @@ TEST_EACH(for_each_pivot, "FKM(IKM(x)) = x from neutral over the whole range, no
 
 TEST_EACH(for_each_pivot,
           "open loops are as open as their rods say, after small turns and large ones") {
-  const Robot& robot = mechanism.robot;
   check::Random random(74);
   for (int k = 0; k < 200; ++k) {
     std::array<Driven, kMaxChains> driven;
     for (int i = 0; i < n; ++i) driven[i] = driven_point(robot.chain[i], 2 * random());
     Loops from, at;
-    from.place(robot, driven, to_pose(K, random_pose(mechanism, random)));
+    from.place(robot, driven, any_pose(random));
     Coordinates motion{};
     for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
     at.place(robot, driven, moved(K, from.pose, motion));
@@ -76,10 +74,9 @@ TEST_EACH(for_each_pivot,
 }
 
 TEST_EACH(for_every, "a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
-  const Robot& robot = mechanism.robot;
   check::Random random(75);
   for (int k = 0; k < 50; ++k) {
-    const Coordinates x = random_pose(mechanism, random);
+    const Coordinates x = any_x(random);
     const Pose pose = to_pose(K, x);
     const Mat3 R = placed(robot, pose).R;
     GyroRows W{};
@@ -102,13 +99,12 @@ TEST_EACH(for_every, "a gyroscope reads how the nacelle turns, in the nacelle's 
 }
 
 TEST_EACH(for_each_pivot, "readings change with x and with every parameter as H_x and H_ξ say") {
-  const Robot& robot = mechanism.robot;
   const int width = parameter_count(robot), rows = readings(robot);
   check::Random random(74);
   std::vector<double> xi(width), H(rows * width);
   CHECK(drawn_parameters(robot, xi.data()));
   for (int k = 0; k < 10; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random, 0.6));
+    const Pose pose = any_pose(random, 0.6);
     Extended q_e{};
     PoseRows H_x;
     CHECK(linearise(Level::ideal, robot, pose, q_e, H_x, H.data()));
@@ -156,10 +152,9 @@ TEST("axes that coincide and rods that run through their axis are singular") {
 }
 
 TEST_EACH(for_each_pivot, "angles are found from the place that the axes carry the nacelle to") {
-  const Robot& robot = mechanism.robot;
   check::Random random(78);
   for (int k = 0; k < 500; ++k) {
-    const Pose pose = to_pose(K, random_pose(mechanism, random));
+    const Pose pose = any_pose(random);
     Pose found = to_pose(K, robot.home);
     angles_of(robot, placed(robot, pose), found);
     for (int j = 0; j < n; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-12);

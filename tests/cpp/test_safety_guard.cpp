@@ -37,8 +37,8 @@ TEST_EACH(for_some_guarded,
   scene.limits.low.fill(-1e3);
   scene.limits.high.fill(1e3);
   for (int j = 0; j < n; ++j) {
-    scene.limits.box_low[j] = mechanism.robot.home[j] - 0.03;
-    scene.limits.box_high[j] = mechanism.robot.home[j] + 0.03;
+    scene.limits.box_low[j] = robot.home[j] - 0.03;
+    scene.limits.box_high[j] = robot.home[j] + 0.03;
   }
   scene.to_running();
   const SafetyLimits& limits = scene.limits;

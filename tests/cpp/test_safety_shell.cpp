@@ -27,11 +27,11 @@ TEST_EACH(for_each,
     bench.begin();
     bench.run_for(500);
     CHECK(bench.healthy());
-    Coordinates near = mechanism.robot.home;
+    Coordinates near = robot.home;
     near[0] += 0.001;
     bench.move(near, 0.5);
     bench.run_for(600);
-    bench.move(mechanism.robot.home, 0.02);
+    bench.move(robot.home, 0.02);
     bench.run_for(100);
     CHECK(bench.healthy());
     if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
@@ -74,7 +74,7 @@ TEST_EACH(for_each,
         for (const double share : {0.3, 0.5}) {
           Bench bench(mechanism, law);
           bench.begin();
-          Coordinates target = mechanism.robot.home;
+          Coordinates target = robot.home;
           target[0] += 0.04;
           bench.move(target, 0.04 * 1.875 / speed);  // the largest speed of a quintic
           const auto unmarked = [&](Extended&, SafetyCycle& cycle, Setpoint&) {
@@ -123,7 +123,7 @@ TEST_EACH(for_each,
   for (int motor = 0; motor < n; ++motor) {
     Bench bench(mechanism);
     bench.begin();
-    Coordinates target = mechanism.robot.home;
+    Coordinates target = robot.home;
     target[0] += 0.04;
     bench.move(target, 0.3);
     bench.run_for(150);
@@ -146,7 +146,7 @@ TEST_EACH(for_each,
           "a requested stop follows the path without a corner, then the brakes hold the robot") {
   Bench bench(mechanism);
   bench.begin();
-  Coordinates target = mechanism.robot.home;
+  Coordinates target = robot.home;
   target[0] += 0.04;
   bench.move(target, 0.3);
   bench.run_for(120);
@@ -196,7 +196,7 @@ TEST_EACH(
     mark = cycle.time.value;
     last = q_e;
   };
-  bench.move(random_pose(mechanism, random, 0.5), 0.4);
+  bench.move(any_x(random, 0.5), 0.4);
   bench.run_for(600, late);
   CHECK(bench.healthy());
   if (!bench.healthy()) std::printf("%s\n", properties(bench.shell.cause).name);
@@ -205,7 +205,7 @@ TEST_EACH(
 
 TEST_EACH(for_each,
           "acknowledged and started after a law without an answer, a monitored robot moves again") {
-  if (mechanism.robot.r == 0) return;
+  if (robot.r == 0) return;
   Bench bench(mechanism);
   FaultTolerantSettings settings;
   prepare(settings.monitor);
@@ -219,7 +219,7 @@ TEST_EACH(for_each,
   CHECK(bench.shell.cause == StopCause::no_answer);
   bench.run_for(300);
   bench.begin();
-  Coordinates target = mechanism.robot.home;
+  Coordinates target = robot.home;
   target[0] += 0.02;
   bench.move(target, 0.3);
   bench.run_for(400);

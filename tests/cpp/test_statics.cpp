@@ -26,10 +26,10 @@ TEST_EACH(for_each,
           "settle() foretells where the simulation comes to rest, with and without gravity") {
   check::Random random(63);
   for (const bool gravity : {false, true}) {
-    Robot nominal = mechanism.robot;
+    Robot nominal = robot;
     if (!gravity) nominal.gravity = Vec3::Zero();
     const Robot truth = built(nominal, random);
-    const Coordinates to = random_pose(mechanism, random, 0.5);
+    const Coordinates to = any_x(random, 0.5);
     for (const Law law : kLaws) {
       const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
       const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
@@ -55,7 +55,7 @@ TEST_EACH(
   Robot robot = mechanism.robot;
   robot.r = 2;
   check::Random random(64);
-  const Coordinates x = random_pose(mechanism, random);
+  const Coordinates x = any_x(random);
   Prior prior(robot);
   for (const Law law : kLaws) {
     PoseColumns leak;

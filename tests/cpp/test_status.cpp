@@ -48,18 +48,18 @@ TEST("motor positions that no pose holds are unreachable, by Newton and in close
 }
 
 TEST_EACH(for_each, "a telescopic leg has no negative and no zero length") {
-  if (mechanism.robot.chain[0].actuator != Actuator::telescopic) return;
+  if (robot.chain[0].actuator != Actuator::telescopic) return;
   Joint q{};
-  CHECK(ikm(Level::ideal, mechanism.robot, mechanism.robot.home, q));
+  CHECK(ikm(Level::ideal, robot, robot.home, q));
   for (const double factor : {-1.0, 0.0}) {
-    Coordinates x = mechanism.robot.home;
+    Coordinates x = robot.home;
     Joint wrong = q, all{};
     wrong[1] *= factor;
     for (int i = 0; i < motors; ++i) all[i] = factor * q[i];
-    const FkmResult result = fkm(Level::ideal, mechanism.robot, wrong, x);
+    const FkmResult result = fkm(Level::ideal, robot, wrong, x);
     CHECK(result.status == Status::unreachable && result.chain == 1);
-    x = mechanism.robot.home;
-    CHECK(fkm(Level::ideal, mechanism.robot, all, x).status == Status::unreachable);
+    x = robot.home;
+    CHECK(fkm(Level::ideal, robot, all, x).status == Status::unreachable);
   }
 }
 
@@ -125,10 +125,10 @@ TEST("another assembly mode is a lost branch, not an answer") {
 
 TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the chain is named") {
   for (int i = 0; i < motors; ++i) {
-    if (mechanism.robot.chain[i].actuator == Actuator::telescopic) continue;
-    Robot other = mechanism.robot;
+    if (robot.chain[i].actuator == Actuator::telescopic) continue;
+    Robot other = robot;
     other.chain[i].working_mode *= -1;
-    Coordinates x = mechanism.robot.home;
+    Coordinates x = robot.home;
     Joint q{};
     CHECK(ikm(Level::ideal, other, other.home, q));
     other.chain[i].working_mode *= -1;
@@ -138,7 +138,6 @@ TEST_EACH(for_each, "an arm in its other working mode is a lost branch, and the 
 }
 
 TEST_EACH(for_each, "a number that is not finite is told from one that is out of reach") {
-  const Robot& robot = mechanism.robot;
   Joint good{};
   CHECK(ikm(Level::ideal, robot, robot.home, good));
   for (int i = 0; i < n; ++i)
@@ -200,15 +199,15 @@ TEST_EACH(
   check::Random random(23);
   long told = 0;
   for (long k = 0; k < check::sample_size(2000); ++k) {
-    Coordinates x = mechanism.robot.home, found{};
+    Coordinates x = robot.home, found{};
     Joint q{};
     for (int i = 0; i < n; ++i) {
       x[i] += 8 * mechanism.box[i] * random();
-      found[i] = mechanism.robot.home[i] + 8 * mechanism.box[i] * random();
+      found[i] = robot.home[i] + 8 * mechanism.box[i] * random();
     }
-    if (!ikm(Level::ideal, mechanism.robot, x, q)) continue;
+    if (!ikm(Level::ideal, robot, x, q)) continue;
     ++told;
-    CHECK(fkm(Level::ideal, mechanism.robot, q, found).status != Status::unreachable);
+    CHECK(fkm(Level::ideal, robot, q, found).status != Status::unreachable);
   }
   CHECK(told > 20);
 }

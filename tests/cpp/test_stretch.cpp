@@ -13,8 +13,7 @@ namespace {
 /// heavy rods, and a base that is mounted askew.
 template <class F>
 void for_each_level(F&& f) {
-  // Of redundant motors the stiff rods leave the tensions open: the smallest are taken.
-  for_each_square([&](const Mechanism& mechanism) {
+  for_each([&](const Mechanism& mechanism) {
     Robot robot = mechanism.robot;
     robot.r = 2;
     for (int i = 0; i < robot.motors; ++i) {
@@ -77,6 +76,7 @@ Load some_load() {
 
 TEST("a rod's tension is the work that what hangs on the nacelle does when it becomes longer") {
   for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
+    if (overdriven(robot)) return;  // there the smallest torques hold the arms' weights, too
     const bool full = level == Level::full;
     const Mobility K = mechanism.robot.mobility;
     constexpr double kLonger = 1e-5;
@@ -89,7 +89,7 @@ TEST("a rod's tension is the work that what hangs on the nacelle does when it be
       CHECK(pull(level, robot, pose, load, by));
       Joint q{};
       CHECK(ikm(level, robot, x, q));
-      for (int i = 0; i < dof(K); ++i) {
+      for (int i = 0; i < robot.motors; ++i) {
         const auto slope = [&](auto&& change) {
           double at[2];
           for (const int side : {0, 1}) {
@@ -122,7 +122,7 @@ TEST("an arm turns by its compliance times the torque at which its motor holds t
   for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
     const bool full = level == Level::full;
     const Mobility K = mechanism.robot.mobility;
-    std::vector<double> H_xi(dof(K) * 20 * parameter_count(robot));
+    std::vector<double> H_xi(kMaxReadings * parameter_count(robot));
     check::Random random(84);
     Robot flat = robot;  // bodies of the dynamics do not turn with their bars
     for (int k = 0; k < flat.bodies; ++k) flat.body[k].anchor = Vec3::Zero();
@@ -136,14 +136,15 @@ TEST("an arm turns by its compliance times the torque at which its motor holds t
       CHECK(under_load(level, flat, pose, {}, {}, {}, H_xi.data(), stiff));
       CHECK(under_load(level, flat, pose, {}, arms, {}, H_xi.data(), soft));
       CHECK(hold(flat, pose, torque));
-      for (int i = 0; i < dof(K); ++i) {
+      for (int i = 0; i < robot.motors; ++i) {
         const bool arm = flat.chain[i].actuator == Actuator::revolute;
         const double turns = arm ? flat.chain[i].encoder_gain * torque[i] : 0;
         const double off = full ? 1e-3 * (1 + std::fabs(turns)) : 1e-9;
-        CHECK_NEAR(soft.by_arm[i], turns, off);
+        CHECK_NEAR(soft.by_compliance[i][flat.motors + i], turns, off);
         CHECK_NEAR(soft.q_e[i] - stiff.q_e[i], 1e-5 * turns, 1e-5 * off + 1e-13);
       }
-      for (int c = dof(K); c < readings(robot); ++c) CHECK_NEAR(soft.q_e[c], stiff.q_e[c], 1e-13);
+      for (int c = robot.motors; c < readings(robot); ++c)
+        CHECK_NEAR(soft.q_e[c], stiff.q_e[c], 1e-13);
     }
   });
 }
@@ -151,7 +152,7 @@ TEST("an arm turns by its compliance times the torque at which its motor holds t
 TEST("what carries nothing, or is stiff, stays as long as it is") {
   for_each_level([](const Mechanism& mechanism, const Robot& robot, Level level) {
     const Mobility K = mechanism.robot.mobility;
-    std::vector<double> H_xi(dof(K) * 20 * parameter_count(robot));
+    std::vector<double> H_xi(kMaxReadings * parameter_count(robot));
     const Pose pose = to_pose(K, mechanism.robot.home);
     Robot weightless = robot;
     weightless.gravity = Vec3::Zero();
@@ -180,11 +181,11 @@ TEST("two rods share what is measured of their tension beyond what the load expl
     Pull computed, measured;
     measured.difference.fill(1);
     CHECK(pull(level, robot, pose, load, computed));
-    for (int i = 0; i < dof(K); ++i) load.tension[i] = computed.tension[i] + 10 * (i + 1);
+    for (int i = 0; i < robot.motors; ++i) load.tension[i] = computed.tension[i] + 10 * (i + 1);
     CHECK(pull(level, robot, pose, load, measured));
     Closure at;
     CHECK(ikm(robot, pose, at));
-    for (int i = 0; i < dof(K); ++i) {
+    for (int i = 0; i < robot.motors; ++i) {
       const double more = 10 * (i + 1);
       const Chain& chain = robot.chain[i];
       const bool leg = chain.actuator == Actuator::telescopic;

@@ -46,7 +46,7 @@ TEST_EACH(
         robot.r = r;
         robot.sensor[0].weight = weight;
         robot.sensor[1].weight = k % 2 == 0 ? weight : 1;
-        const Coordinates x = random_pose(mechanism, random);
+        const Coordinates x = any_x(random);
         ExtendedColumns M;
         ExtendedRows tej_;
         CHECK(tej(robot, x, M, tej_));

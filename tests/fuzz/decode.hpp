@@ -69,9 +69,9 @@ class Bytes {
   std::size_t size_, at_ = 0;
 };
 
-inline void decode_sensor(Bytes& bytes, int n, Sensor& sensor) {
+inline void decode_sensor(Bytes& bytes, int chains, Sensor& sensor) {
   sensor.kind = static_cast<SensorKind>(bytes.below(kSensorKinds));
-  sensor.chain = properties(sensor.kind).of_chain ? bytes.below(n) : -1;
+  sensor.chain = properties(sensor.kind).of_chain ? bytes.below(chains) : -1;
   sensor.at_nacelle = bytes.one_in(2);
   sensor.bar = properties(sensor.kind).is_theta ? bytes.below(kMaxBars + 1) - 1 : -1;
   sensor.origin = bytes.vector();
@@ -133,8 +133,8 @@ inline Subject decode_robot(Bytes& bytes) {
   const mechanisms::Mechanism& drawn = all[bytes.below(static_cast<int>(all.size()))];
   Subject subject{drawn.robot, drawn.box};
   Robot& robot = subject.robot;
-  const int n = dof(robot.mobility);
-  for (int i = 0; i < n; ++i) {  // built a few per cent off
+  const int m = robot.motors;
+  for (int i = 0; i < m; ++i) {  // built a few per cent off
     Chain& chain = robot.chain[i];
     for (double* length : {&chain.arm, &chain.rod}) *length *= 1 + 0.1 * bytes.share();
     chain.base += 0.05 * Vec3(bytes.share(), bytes.share(), 0);
@@ -142,25 +142,25 @@ inline Subject decode_robot(Bytes& bytes) {
   }
   if (bytes.one_in(3)) {
     subject.buildable = false;
-    for (int k = 1 + bytes.below(6); k > 0; --k) spoil(bytes, robot.chain[bytes.below(n)]);
+    for (int k = 1 + bytes.below(6); k > 0; --k) spoil(bytes, robot.chain[bytes.below(m)]);
     if (bytes.one_in(4)) robot.gravity = bytes.vector();
-    if (bytes.one_in(4)) robot.home[bytes.below(n)] = bytes.number();
+    if (bytes.one_in(4)) robot.home[bytes.below(dof(robot.mobility))] = bytes.number();
     if (bytes.one_in(4)) robot.body[0].mass = bytes.number();
     if (bytes.one_in(4)) robot.bar_joint = static_cast<BarJoint>(bytes.below(2));
   }
   if (bytes.one_in(2)) {
-    robot.r = bytes.below(std::min(kMaxSensors, kMaxReadings - n) + 1);
-    for (int k = 0; k < robot.r; ++k) decode_sensor(bytes, n, robot.sensor[k]);
+    robot.r = bytes.below(std::min(kMaxSensors, kMaxReadings - m) + 1);
+    for (int k = 0; k < robot.r; ++k) decode_sensor(bytes, m, robot.sensor[k]);
   }
   if (bytes.one_in(16)) {  // parts that do not exist: refused, and then used by nobody
     Robot broken = robot;
     const int wrong = kMaxReadings + 1 + bytes.byte() * 0x7fffff;  // beyond every capacity and enum
     switch (bytes.below(6)) {
-      case 0: broken.chain[bytes.below(n)].bar = wrong; break;
+      case 0: broken.chain[bytes.below(m)].bar = wrong; break;
       case 1: broken.chains = wrong; break;
       case 2: broken.r = wrong; break;
       case 3: broken.mobility = static_cast<Mobility>(-wrong); break;
-      case 4: broken.chain[bytes.below(n)].actuator = static_cast<Actuator>(wrong); break;
+      case 4: broken.chain[bytes.below(m)].actuator = static_cast<Actuator>(wrong); break;
       default: broken.motors = -wrong; break;
     }
     require(finish(broken).status == Status::no_such_part, "finish: a count or index is looked at");
@@ -192,7 +192,7 @@ inline Joint decode_motors(Bytes& bytes, const Subject& subject) {
   const bool of_pose =
       !bytes.one_in(3) && ikm(Level::ideal, subject.robot, decode_pose(bytes, subject), q);
   if (of_pose && !bytes.one_in(4)) return q;
-  for (int i = 0; i < dof(subject.robot.mobility); ++i)
+  for (int i = 0; i < subject.robot.motors; ++i)
     q[i] = of_pose ? q[i] + 0.1 * bytes.share() : bytes.number();
   return q;
 }

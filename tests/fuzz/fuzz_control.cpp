@@ -25,7 +25,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       for (double& value : *gain) value = bytes.number();
   }
   const Mobility K = robot.mobility;
-  const int n = dof(K);
+  const int n = dof(K), m = robot.motors;
   mechanisms::Prior prior(robot);
   Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
   CachedGain kept;
@@ -41,24 +41,24 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Extended q_e{};
     if (!extended(Level::ideal, robot, to_pose(K, decode_pose(bytes, subject)), q_e) ||
         bytes.one_in(4))
-      for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
+      for (int c = 0; c < readings(robot); ++c) q_e[c] = bytes.number();
     if (bytes.one_in(3)) settings.law = static_cast<Law>(bytes.below(5));
     const ControlState before = state;
     const Outcome outcome = control(robot, settings, setpoint, q_e, state, weighing);
     require(outcome || state.torque == before.torque, "a failed cycle holds the torque");
     // NaN gains and periods are settings, not readings: their torque is refused as well.
-    require(all_finite(state.torque, n), "control: the torque is finite");
-    require(all_finite(state.error, n), "control: the error is finite");
-    require(all_finite(state.integral, n), "control: the integral is finite");
+    require(all_finite(state.torque, m), "control: the torque is finite");
+    require(all_finite(state.error, m), "control: the error is finite");
+    require(all_finite(state.integral, m), "control: the integral is finite");
     require(
-        all_finite(state.position, n) && all_finite(state.rate, n) && all_finite(state.desired, n),
+        all_finite(state.position, m) && all_finite(state.rate, m) && all_finite(state.desired, m),
         "control: the tracking loops are finite");
     Coordinates acceleration{};
     if (forward_dynamics(robot, to_pose(K, setpoint.x), setpoint.rate, state.torque, acceleration))
       require(all_finite(acceleration, n), "dynamics: ok is finite");
   }
   Robot truth = robot;
-  for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
+  for (int i = 0; i < m; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
   Coordinates x{};
   if (settle(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x, weighing))
     require(all_finite(x, n), "settle: ok is finite");

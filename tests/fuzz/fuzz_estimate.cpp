@@ -11,7 +11,7 @@ using namespace fuzz;
 /// Readings of a pose, perhaps with one spoilt, or any numbers.
 Extended decode_readings(Bytes& bytes, const Subject& subject) {
   const Mobility K = subject.robot.mobility;
-  const int rows = dof(K) + subject.robot.r;
+  const int rows = readings(subject.robot);
   Extended q_e{};
   if (!extended(Level::ideal, subject.robot, to_pose(K, decode_pose(bytes, subject)), q_e) ||
       bytes.one_in(6))

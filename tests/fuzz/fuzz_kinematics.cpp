@@ -9,20 +9,38 @@ namespace {
 
 using namespace fuzz;
 
-/// The motors of a pose that the forward model found are those it was given.
+/// The motors of a pose that the forward model found are those it was given; with more motors than
+/// freedoms, no pose nearby has closer ones.
 void check_forward(const Robot& robot, const Joint& q, const Coordinates& x) {
   const Mobility K = robot.mobility;
   const Pose pose = to_pose(K, x);
   Closure closure;
   const Outcome outcome = ikm(robot, pose, closure);
-  for (int i = 0; i < dof(K); ++i) {
+  Carried carried;
+  carry(robot, pose, carried);
+  Coordinates slope{};  // of the squares of the readings' deviations
+  double steepest = 0, largest = 1;
+  for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
     const Vec3 lever = pose.R * chain.pivot;
     const Vec3 v = chain.base + driven.p - pose.D - lever - chain.anchor;
     const double size = chain.base.norm() + driven.p.norm() + pose.D.norm() + lever.norm() +
                         chain.anchor.norm() + driven.rod;
-    require(std::fabs(v.norm() - driven.rod) < 1e-11 * size, "a pose that fkm found is closed");
+    const double open = std::fabs(v.norm() - driven.rod);
+    if (overdriven(robot)) {
+      largest = std::max(largest, size);
+      require(open < kDisagreement * size, "a pose that fkm found fits its readings");
+      const double jq = jq_entry(chain, v, driven);
+      Real row[kMaxDof];
+      jx_row(carried, v, lever, row);
+      for (int j = 0; j < dof(K); ++j) {
+        slope[j] += row[j] / jq * (0.5 * (v.squaredNorm() - driven.rod * driven.rod) / jq);
+        steepest += std::pow(row[j] / jq, 2);
+      }
+      continue;
+    }
+    require(open < 1e-11 * size, "a pose that fkm found is closed");
     if (!outcome) continue;
     // B, not q, whose turns are free. Where an arm is stretched it is a root of the closure error.
     const double off = chain.actuator == Actuator::telescopic
@@ -31,28 +49,31 @@ void check_forward(const Robot& robot, const Joint& q, const Coordinates& x) {
     const double jq = jq_entry(chain, v, driven) / driven.dB.norm();
     require(off < 1e-5 * size || std::fabs(off * jq) < 1e-9 * size * size, "ikm undoes fkm");
   }
+  for (int j = 0; j < dof(K) && overdriven(robot); ++j)
+    require(std::fabs(slope[j]) <= 1e-8 * steepest * largest,
+            "a pose nearby fits the readings better");
   // Only where an arm is stretched a rounding may put a pose out of reach.
   require(outcome || outcome.status == Status::unreachable, "a pose that fkm found is a pose");
 }
 
 void check_pose(const Robot& robot, const Coordinates& x, double band) {
   const Mobility K = robot.mobility;
-  const int n = dof(K);
+  const int n = dof(K), m = robot.motors, rows = readings(robot);
   Joint q{};
-  if (ikm(Level::ideal, robot, x, q)) require(all_finite(q, n), "ikm: ok is finite");
-  if (command(Level::ideal, robot, x, q)) require(all_finite(q, n), "command: ok is finite");
+  if (ikm(Level::ideal, robot, x, q)) require(all_finite(q, m), "ikm: ok is finite");
+  if (command(Level::ideal, robot, x, q)) require(all_finite(q, m), "command: ok is finite");
   JointMatrix J;
-  if (jacobian(Level::ideal, robot, x, J)) require(finite(J, n, n), "jacobian: ok is finite");
+  if (jacobian(Level::ideal, robot, x, J)) require(finite(J, n, m), "jacobian: ok is finite");
   ExtendedColumns M;
   ExtendedRows M_plus;
   if (tej(robot, x, M, M_plus, band)) {
-    require(finite(M, n + robot.r, n), "tej: M is finite");
-    require(finite(M_plus, n, n + robot.r), "tej: M⁺ is finite");
+    require(finite(M, rows, m), "tej: M is finite");
+    require(finite(M_plus, m, rows), "tej: M⁺ is finite");
   }
   double parallel = 0;
   Joint serial{};
   if (conditioning(robot, x, parallel, serial))
-    require(parallel >= 0 && parallel < 1 + 1e-9 && all_finite(serial, n),
+    require(parallel >= 0 && parallel < 1 + 1e-9 && all_finite(serial, m),
             "conditioning: ok is from 0 to 1");
   Closure closure;
   Jacobians jacobians;
@@ -63,11 +84,11 @@ void check_pose(const Robot& robot, const Coordinates& x, double band) {
     return;
   require(all_finite(values, robot.r), "rkm: ok is finite");
   require(finite(jr, robot.r, n), "rkm: J_r is finite");
-  std::vector<double> H_xi((n + robot.r) * parameter_count(robot));
+  std::vector<double> H_xi(rows * parameter_count(robot));
   Extended q_e;
   PoseRows H_x;
   if (!linearise(Level::ideal, robot, to_pose(K, x), q_e, H_x, H_xi.data())) return;
-  require(all_finite(q_e, n + robot.r) && finite(H_x, n + robot.r, n), "linearise: H_x is finite");
+  require(all_finite(q_e, rows) && finite(H_x, rows, n), "linearise: H_x is finite");
   require(all_finite(H_xi, static_cast<int>(H_xi.size())), "linearise: H_ξ is finite");
 }
 
@@ -82,8 +103,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Coordinates found = decode_pose(bytes, subject);
   const double band = bytes.one_in(2) ? std::fabs(bytes.share()) : 0;
   Extended q_e{};
-  for (int k = 0; k < robot.r; ++k) q_e[dof(robot.mobility) + k] = bytes.number();
-  std::copy_n(q.begin(), dof(robot.mobility), q_e.begin());
+  for (int k = 0; k < robot.r; ++k) q_e[robot.motors + k] = bytes.number();
+  std::copy_n(q.begin(), robot.motors, q_e.begin());
   check_pose(robot, x, band);
   const FkmResult result = fkm(Level::ideal, robot, q, found);
   require(result.iterations <= 2 * kFkmIterations, "fkm: iterations are bounded");

@@ -13,11 +13,11 @@ using namespace fuzz;
 
 namespace {
 
-void finite(const ControlState& state, int n, int rows) {
-  require(all_finite(state.torque, n), "fault-tolerant: the torque is finite");
-  require(all_finite(state.error, n) && all_finite(state.error_rate, n) &&
-              all_finite(state.integral, n) && all_finite(state.load, n) &&
-              all_finite(state.held, n) && all_finite(state.q_d, n),
+void finite(const ControlState& state, int m, int rows) {
+  require(all_finite(state.torque, m), "fault-tolerant: the torque is finite");
+  require(all_finite(state.error, m) && all_finite(state.error_rate, m) &&
+              all_finite(state.integral, m) && all_finite(state.load, m) &&
+              all_finite(state.held, m) && all_finite(state.q_d, m),
           "fault-tolerant: what the controller keeps is finite");
   require(all_finite(state.position, rows) && all_finite(state.rate, rows) &&
               all_finite(state.desired, rows),
@@ -54,13 +54,13 @@ void spoil(Bytes& bytes, int rows, Extended& q_e) {
 void drive_with_faults(Bytes& bytes, const Subject& subject) {
   const Robot& robot = subject.robot;
   const Mobility K = robot.mobility;
-  const int n = dof(K);
-  const int rows = n + robot.r;
+  const int n = dof(K), m = robot.motors;
+  const int rows = m + robot.r;
   ControlSettings settings;
   settings.law = static_cast<Law>(bytes.below(5));
   settings.gains = static_cast<Gains>(bytes.below(2));
   static_cast<void>(place_poles(robot, robot.home, 100, 1, settings));
-  if (!all_finite(settings.kp, n)) settings.kp = settings.kd = {};
+  if (!all_finite(settings.kp, m)) settings.kp = settings.kd = {};
   FaultTolerantSettings fault_settings;
   if (bytes.one_in(2)) fault_settings.monitor.fastest.fill(500);
   if (bytes.one_in(2)) fault_settings.monitor.moved.fill(2e-3);
@@ -114,9 +114,9 @@ void drive_with_faults(Bytes& bytes, const Subject& subject) {
             "a path's time does not run backwards, nor faster");
     static_cast<void>(control_fault_tolerant(robot, settings, fault_settings, clock.paced(at), q_e,
                                              state, prior.weighing(), fault_state));
-    finite(state, n, rows);
+    finite(state, m, rows);
     finite(fault_state.monitor, rows, robot.r);
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < m; ++i) {
       const double limit = robot.chain[i].torque_limit;
       require(!(limit > 0) || std::fabs(state.torque[i]) <= limit, "a torque that the motor can");
     }
@@ -135,7 +135,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   Bytes bytes(data, size);
   Subject subject = decode_robot(bytes);
   if (bytes.one_in(2))
-    for (int i = 0; i < dof(subject.robot.mobility); ++i) subject.robot.chain[i].torque_limit = 50;
+    for (int i = 0; i < subject.robot.motors; ++i) subject.robot.chain[i].torque_limit = 50;
   drive_with_faults(bytes, subject);
   return 0;
 }

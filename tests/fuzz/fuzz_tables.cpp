@@ -40,7 +40,8 @@ Values numbers(Bytes& bytes, const Values& around) {
 }
 
 void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
-  const int n = truepose_motors(&model), r = truepose_sensors(&model);
+  const int n = truepose_freedoms(&model), m = truepose_motors(&model),
+            r = truepose_sensors(&model);
   const Coordinates x = numbers(bytes, drawn.home);
   truepose_real q[TRUEPOSE_MOTORS] = {}, back[TRUEPOSE_FREEDOMS] = {}, q_e[TRUEPOSE_READINGS] = {};
   truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS] = {},
@@ -48,18 +49,18 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
   truepose_real serial[TRUEPOSE_MOTORS] = {};
   truepose_real parallel = 0;
   truepose_pose pose{};
-  if (answered(truepose_ikm(&model, x.data(), q))) finite(q, n, "ikm: ok is finite");
+  if (answered(truepose_ikm(&model, x.data(), q))) finite(q, m, "ikm: ok is finite");
   std::copy_n(drawn.home.begin(), 6, back);
   const truepose_fkm_result found = truepose_fkm(&model, q, 1 + bytes.below(20), back);
   if (answered(found.outcome)) finite(back, 6, "fkm: ok is finite");
   if (answered(truepose_readings(&model, x.data(), q_e)))
-    finite(q_e, n + r, "readings: ok is finite");
+    finite(q_e, m + r, "readings: ok is finite");
   if (answered(truepose_jacobian(&model, x.data(), J)))
     finite(J, TRUEPOSE_FREEDOMS * TRUEPOSE_MOTORS, "jacobian: ok is finite");
   if (answered(truepose_tej(&model, x.data(), 0.05 * bytes.below(2), tej)))
     finite(tej, TRUEPOSE_MOTORS * TRUEPOSE_READINGS, "tej: ok is finite");
   if (answered(truepose_conditioning(&model, x.data(), &parallel, serial)))
-    finite(serial, n, "conditioning: ok is finite");
+    finite(serial, m, "conditioning: ok is finite");
   if (answered(truepose_pose_of(&model, x.data(), &pose))) {
     scribble(bytes, pose);
     if (answered(truepose_coordinates_of(&model, &pose, back)))
@@ -71,7 +72,7 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
 
   mechanisms::Prior prior(drawn);
   const auto known = c::converted<truepose_knowledge>(prior.known());
-  const bool same = n == drawn.motors && r == drawn.r;  // columns and work are the drawn robot's
+  const bool same = m == drawn.motors && r == drawn.r;  // columns and work are the drawn robot's
   std::vector<truepose_real> work(truepose_work(&model, known.count));
   truepose_control_settings control;
   truepose_control_defaults(&control);
@@ -96,8 +97,8 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
     static_cast<void>(truepose_control_fault_tolerant(&model, nullptr, &controller, &fault_state,
                                                       &setpoint, read, &known, work.data(), torque,
                                                       &report));
-    finite(torque, n, "torques are finite");
-    for (int i = 0; i < n; ++i)
+    finite(torque, m, "torques are finite");
+    for (int i = 0; i < m; ++i)
       if (const double limit = drawn.chain[i].torque_limit; limit > 0 && std::isfinite(limit))
         require(std::fabs(torque[i]) <= limit, "torques are within their limits");
     if (bytes.one_in(4)) static_cast<void>(truepose_change_law(&controller, bytes.below(6)));

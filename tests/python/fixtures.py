@@ -57,6 +57,17 @@ def h4() -> tp.Robot:
     return tp.load("h4")
 
 
+def drawn_poses(robot: tp.Robot, count: int, rng) -> np.ndarray:
+    """Return poses anywhere in a robot's workspace box, by a generator or a seed."""
+    box = robot.spec.workspace
+    return np.random.default_rng(rng).uniform(box.minimum, box.maximum, (count, robot.n))
+
+
+def refused(message: str, by: type = tp.InputError):
+    """Expect a refusal with this message, a regular expression."""
+    return pytest.raises(by, match=message)
+
+
 def with_length_errors(robot: tp.Robot, seed: int) -> tp.Robot:
     """Return a true robot whose rods and arms alone are sampled from their tolerances."""
     sampled = robot.sample(seed).parameters.items()
@@ -127,13 +138,8 @@ def stewart() -> tp.Robot:
 
 @pytest.fixture(scope="session")
 def anywhere():
-    """Return a function that draws poses from a robot's workspace box."""
-
-    def draw(robot: tp.Robot, count: int, rng: np.random.Generator) -> np.ndarray:
-        box = robot.spec.workspace
-        return rng.uniform(box.minimum, box.maximum, size=(count, robot.n))
-
-    return draw
+    """Return the function `drawn_poses`."""
+    return drawn_poses
 
 
 @pytest.fixture(autouse=True)

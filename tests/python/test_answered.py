@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 
@@ -22,8 +23,7 @@ def sets(name):
 
 def poses_of(true, count, seed):
     """Return poses of the workspace that the true robot reaches."""
-    box = true.spec.workspace
-    x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (2 * count, true.n))
+    x = drawn_poses(true, 2 * count, seed)
     return x[np.isfinite(true.ikm(x, errors="nan")).all(axis=1)][:count]
 
 

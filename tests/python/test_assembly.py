@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 
@@ -63,10 +64,10 @@ def test_the_search_repeats_itself_and_refuses_what_it_cannot_search():
     none = robot.assembly_modes(q + 100)
     assert none.x.shape == (0, 3) and (len(none), none.unseen, none.expected) == (0, 0, 0)
     for bad, word in ((q[:2], "shape"), (q * np.nan, "finite"), ([q, q], "shape")):
-        with pytest.raises(tp.InputError, match=word):
+        with refused(word):
             robot.assembly_modes(bad)
     for bad in ({"starts": 0}, {"starts": 2_000_000}, {"seed": -1}):
-        with pytest.raises(tp.InputError, match=next(iter(bad))):
+        with refused(next(iter(bad))):
             robot.assembly_modes(q, **bad)
 
 

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from fixtures import with_length_errors
+from fixtures import drawn_poses, refused, with_length_errors
 
 import truepose as tp
 from truepose import files, logs
@@ -180,8 +180,7 @@ def test_every_loss_and_level_runs(run, log, loss, level):
 def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_path):
     delta = tp.load("linear-delta")
     true = delta.replace({"chain1.rod": 0.3455, "chain2.base.x": -0.166})
-    box = delta.spec.workspace
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (40, 3))
+    x = drawn_poses(delta, 40, 0)
     columns = {f"q{i + 1}": q for i, q in enumerate(true.ikm(x).T)}
     columns |= {f"measured_{c}": x[:, k] for k, c in enumerate("xyz")}
     write(tmp_path / "log.csv", columns)
@@ -286,5 +285,5 @@ def test_arguments_of_0_5_are_options_now_and_say_so(h4, table2):
     with pytest.warns(DeprecationWarning, match=r"^level, loss: since 0.6 in options=Calib"):
         fit = tp.calibrate(h4, q_e, level="ideal", loss="student")
     assert (fit.level, fit.loss) == ("ideal", "student")
-    with pytest.raises(tp.InputError, match=r"^homing: .*truepose.calibration.homings\("):
+    with refused(r"^homing: .*truepose.calibration.homings\("):
         tp.calibrate(h4, q_e, homing=(np.zeros(50), 0.1))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose import _core, logs
@@ -217,7 +218,7 @@ def test_measurements_that_are_there_twice_count_once_and_stay_the_callers(track
 def test_a_log_with_a_robots_own_sensors_is_told_how_to_use_them(cases):
     robot, q_e = cases["delta"]
     table = dict(zip(robot.readings, q_e.T, strict=True))
-    with pytest.raises(tp.InputError, match=r"nothing to calibrate .* the log has elbow1, elbow"):
+    with refused(r"nothing to calibrate .* the log has elbow1, elbow"):
         tp.calibrate(robot.with_sensors(), table)
     fit = tp.calibrate(robot.with_sensors("elbow1"), table)
     assert any("--sensors elbow1,elbow2,elbow3" in note for note in fit.notes)
@@ -309,7 +310,7 @@ def test_messages_of_another_pose_do_not_join(cases, tmp_path):
     )
     times = np.arange(len(q_e), dtype=float)
     write_mcap(tmp_path / "log.mcap", {"/q": (times, motors), "/s": (times + 0.011, sensors)})
-    with pytest.raises(tp.InputError, match="/s: no message within 10 ms of one of /q"):
+    with refused("/s: no message within 10 ms of one of /q"):
         logs.read(robot, tmp_path / "log.mcap")
     fast = 1e-3 * times
     write_mcap(tmp_path / "log.mcap", {"/q": (fast, motors), "/s": (fast + 4e-4, sensors)})

@@ -7,6 +7,7 @@ of micrometres while their rods drift by millimetres (RepRapFirmware #335: resid
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
@@ -111,8 +112,7 @@ def test_without_priors_the_bed_is_met_as_well_and_rods_drift_by_millimetres(pri
 def test_probing_in_space_with_a_tracker_identifies_what_the_bed_does_not(printer):
     rng = np.random.default_rng(3)
     true = built(printer, rng)
-    box = printer.spec.workspace
-    x = rng.uniform(box.minimum, box.maximum, (60, 3))
+    x = drawn_poses(printer, 60, rng)
     measured = x + 5e-6 * rng.standard_normal(x.shape)
     fit = tp.calibrate(printer, true.ikm(x), measured=measured, measured_sigma=1e-5)
     for rod in RODS:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses, refused
 
 import truepose as tp
 from truepose.commands.options import disturbances_of
@@ -73,8 +74,7 @@ def test_a_frozen_encoder_still_fails(h4, seed):
 def test_a_payload_is_identified_and_fed_forward(h4, mass, seed):
     robot = h4.with_sensors("theta").expected()
     truth = robot.sample(seed)
-    box = robot.spec.workspace
-    poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (60, robot.n))
+    poses = drawn_poses(robot, 60, seed)
     robot = tp.calibrate(robot, truth.read(poses, seed=seed)).robot
     picked = [Disturbance("payload", 0.05, mass)]
     healthy = tp.simulate(robot, truth, run=Run(hold=0.4))
@@ -178,7 +178,7 @@ def test_a_disturbance_without_a_meaning_is_refused(words, said):
     ],
 )
 def test_a_disturbance_of_another_robot_is_refused(h4, disturbance, said):
-    with pytest.raises(tp.InputError, match=said):
+    with refused(said):
         tp.simulate(h4, run=Run(disturbances=[disturbance]))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fixtures import with_length_errors
+from fixtures import refused, with_length_errors
 
 import truepose as tp
 from truepose import _core
@@ -153,12 +153,12 @@ def test_where_the_robot_cannot_go_is_marked_and_the_rest_goes_on(h4):
     ],
 )
 def test_impossible_effects_are_told(options, words):
-    with pytest.raises(tp.InputError, match=words):
+    with refused(words):
         tp.Effects(**options)
 
 
 def test_unknown_groups_are_told():
-    with pytest.raises(tp.InputError, match="friktion"):
+    with refused("friktion"):
         tp.Effects().without("friktion")
 
 
@@ -189,7 +189,7 @@ def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, t
 
 
 def test_learning_belongs_to_the_robot_that_is_controlled(h4):
-    with pytest.raises(tp.InputError, match="learn"):
+    with refused("learn"):
         tp.simulate(h4, run=Run(learn=tp.OnlineCalibrator(h4.without_quantization())))
 
 

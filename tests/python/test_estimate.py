@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose.robot import knowledge
@@ -92,7 +93,7 @@ def test_a_good_reading_outweighs_bad_ones(h4):
 def test_readings_that_fit_no_pose_are_named(h4):
     q_e = h4.extended_positions([[0, 0, -0.4, 0], [0, 0, -0.4, 0]])
     q_e[1, :4] = [3.0, 0.0, 3.0, 0.0]
-    with pytest.raises(tp.PoseError, match=r"^h4: reading \(1,\) q_e = \[3, 0, 3, 0, "):
+    with refused(r"^h4: reading \(1,\) q_e = \[3, 0, 3, 0, ", tp.PoseError):
         h4.estimate(q_e)
     est = h4.estimate(q_e, errors="nan")
     assert est.status[0] == "ok" and est.status[1] != "ok"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 
@@ -34,7 +35,7 @@ def test_a_reading_is_gain_times_the_motors_position_less_its_offset(robot, anyw
 
 def test_stops_stand_where_the_motor_is_not_where_it_reads(h4, anywhere, rng):
     h4 = h4.replace({"chain1.encoder_offset": 0.2})
-    with pytest.raises(tp.PoseError, match=r"chain 1: beyond a joint limit, 1\.81806 of"):
+    with refused(r"chain 1: beyond a joint limit, 1\.81806 of", tp.PoseError):
         scaled(h4).ikm([-0.3, 0, -0.55, 0])
     x = anywhere(h4, 200, rng)
     near = scaled(h4).replace({"chain1.gain": 3.0})  # its readings pass the stops' numbers
@@ -129,5 +130,5 @@ def test_a_file_that_says_nothing_of_gains_knows_them(h4):
 
 
 def test_a_motor_that_reads_nothing_is_refused(h4, tmp_path):
-    with pytest.raises(tp.InputError, match=r"^chain3.gain = 0: must not be 0: the reading"):
+    with refused(r"^chain3.gain = 0: must not be 0: the reading"):
         h4.replace({"chain3.gain": 0})

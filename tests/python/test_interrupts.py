@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 from truepose.simulation.plants.dynamic import visit
@@ -36,8 +37,7 @@ def stopped_by_the_third_alarm():
 
 
 def poses(robot, count):
-    box = robot.spec.workspace
-    return np.random.default_rng(1).uniform(box.minimum, box.maximum, (count, robot.n))
+    return drawn_poses(robot, count, 1)
 
 
 H4 = tp.load("h4")

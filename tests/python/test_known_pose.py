@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
@@ -24,8 +25,7 @@ def poses(robot, anywhere):
 def read(robot, seed, poses):
     """Return readings of a drawn robot at these poses, at home, and at other poses; these poses."""
     true = robot.sample(seed).with_level("full")
-    box = robot.spec.workspace
-    others = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, robot.n))
+    others = drawn_poses(robot, 40, seed)
     at = (poses, robot.home, others)
     return [true.read(x, 3 * seed + k) for k, x in enumerate(at)], others
 

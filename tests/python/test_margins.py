@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fixtures import CHAINED
+from fixtures import CHAINED, drawn_poses, refused
 
 import truepose as tp
 from truepose import robotfile
@@ -146,7 +146,7 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
 
 
 @pytest.mark.parametrize(
-    ("name", "law", "held", "refused", "reason"),
+    ("name", "law", "held", "too_long", "reason"),
     [
         ("h4", "tej", 3e-3, 4e-3, "26.2 rad/s.*friction.*counts cause a limit cycle of"),
         ("delta", "joint", 1e-3, 2e-3, "95.6 rad/s.*before friction shifts the platform by 1 mm"),
@@ -156,18 +156,18 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     ],
 )
 def test_a_period_at_which_no_gains_hold_the_robot_is_refused_with_the_reason(
-    name, law, held, refused, reason
+    name, law, held, too_long, reason
 ):
     robot = tp.load(name)
     assert tp.Controller.for_robot(robot, law=law, period=held).period == held
-    with pytest.raises(tp.InputError, match=rf"{name}: period {refused:g} s: the {law}.*{reason}"):
-        tp.Controller.for_robot(robot, law=law, period=refused)
+    with refused(rf"{name}: period {too_long:g} s: the {law}.*{reason}"):
+        tp.Controller.for_robot(robot, law=law, period=too_long)
 
 
 def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):
     tp.Controller.for_robot(h4, law="joint", period=2e-3)
     sticky = Effects(motor_friction=1.0)
-    with pytest.raises(tp.InputError, match="before friction shifts the platform by 1 mm"):
+    with refused("before friction shifts the platform by 1 mm"):
         tp.Controller.for_robot(h4, sticky, "joint", period=2e-3)
 
 
@@ -212,7 +212,7 @@ def test_a_sensor_alone_may_be_so_much_stronger(h4):
     ],
 )
 def test_a_wrong_question_is_told(h4, asked, message):
-    with pytest.raises(tp.TrueposeError, match=message):
+    with refused(message, tp.TrueposeError):
         tp.control.stability_margins(h4, **asked)
 
 
@@ -283,8 +283,7 @@ def test_without_effects_a_law_keeps_the_papers_poles(h4):
 def test_a_calibrated_robot_has_gains_for_the_law_of_its_estimate(h4, sensors, seed, scale):
     robot = h4.with_sensors(*sensors)
     truth = robot.sample(seed)
-    box = robot.spec.workspace
-    poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, 4))
+    poses = drawn_poses(robot, 40, seed)
     fit = tp.calibrate(robot, truth.read(poses, seed=seed))
     controller = tp.Controller.for_robot(fit.robot, Effects(), "estimated")
     assert controller.sigma_scale == scale and controller.frequency > 35
@@ -310,5 +309,5 @@ def test_the_scale_is_chosen_and_one_for_laws_that_do_not_weigh_and_robots_as_dr
     with pytest.raises(TypeError, match="sigma_scale"):  # it is chosen
         tp.Controller.for_robot(h4, sigma_scale=3)
     for wrong in (0, -1, 1.5, 10**7):
-        with pytest.raises(tp.InputError, match=r"sigma_scale = .*: must be a whole number from 1"):
+        with refused(r"sigma_scale = .*: must be a whole number from 1"):
             tp.Controller(sigma_scale=wrong)

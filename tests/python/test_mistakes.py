@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
@@ -25,8 +26,7 @@ class Millimetres:
 
 def some_readings():
     """Return readings of 30 poses."""
-    box = H4.spec.workspace
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (30, 4))
+    x = drawn_poses(H4, 30, 0)
     return H4.extended_positions(x)
 
 

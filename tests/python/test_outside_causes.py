@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses, refused
 
 import truepose as tp
 from truepose import logs
@@ -70,7 +71,7 @@ MISTAKES = [
 def test_a_mistake_of_an_outside_measurement_is_named(name, sensors, make, registration, said):
     robot, _, readings, measured = read(name, *sensors)
     log = table(robot, readings, make(measured))
-    with pytest.raises(tp.InputError, match=said + r".*cause='apply' undoes it"):
+    with refused(said + r".*cause='apply' undoes it"):
         tp.calibrate(
             robot, log, options=CalibrationOptions(registration=registration, loss="student")
         )
@@ -88,7 +89,7 @@ def test_an_undone_mistake_of_a_tracker_gives_the_robot_of_the_right_log():
 def test_poses_in_another_frame_than_the_base_are_named():
     robot, _, readings, measured = read("delta", "elbow1")
     measured = measured @ frames.rotation([0.1, 0.2, 0.6]).T + [0.3, -0.2, 0.1]
-    with pytest.raises(tp.InputError, match="in a frame of their own, not the base's"):
+    with refused("in a frame of their own, not the base's"):
         tp.calibrate(
             robot,
             table(robot, readings, measured),
@@ -117,7 +118,7 @@ def test_quaternions_of_either_sign_are_turned_into_rotation_vectors():
     columns = dict(zip(names, np.hstack([readings, measured[:, :3], q]).T, strict=True))
     np.testing.assert_allclose(logs.of(robot, columns).measured, measured, atol=1e-12)
     columns["measured_qw"] = columns["measured_qw"] * 1.2
-    with pytest.raises(tp.InputError, match=r"row 1: .*a quaternion of length 1.1.*must be 1"):
+    with refused(r"row 1: .*a quaternion of length 1.1.*must be 1"):
         logs.of(robot, columns)
 
 
@@ -126,18 +127,18 @@ def test_orientations_that_cannot_be_used_are_refused_by_name():
     rpy = (*"xyz", "roll", "pitch", "yaw")
     right = table(robot, readings, measured, *rpy)
     short = {name: values for name, values in right.items() if name != "measured_yaw"}
-    with pytest.raises(tp.InputError, match="no column measured_yaw; measured_roll needs it"):
+    with refused("no column measured_yaw; measured_roll needs it"):
         logs.of(robot, short)
-    with pytest.raises(tp.InputError, match="measured_rx and measured_roll: two forms"):
+    with refused("measured_rx and measured_roll: two forms"):
         logs.of(robot, right | {"measured_rx": measured[:, 3]})
     right["measured_roll"][2] = np.nan
-    with pytest.raises(tp.InputError, match=r"row 3: measured_roll, .*: all of them or none"):
+    with refused(r"row 3: measured_roll, .*: all of them or none"):
         logs.of(robot, right)
-    with pytest.raises(tp.InputError, match="unknown euler 'XYX'"):
+    with refused("unknown euler 'XYX'"):
         tp.calibrate(
             robot, table(robot, readings, measured), options=CalibrationOptions(euler="XYX")
         )
-    with pytest.raises(tp.InputError, match="euler = XYZ: no column measured_roll"):
+    with refused("euler = XYZ: no column measured_roll"):
         tp.calibrate(
             robot, table(robot, readings, measured), options=CalibrationOptions(euler="XYZ")
         )
@@ -147,7 +148,7 @@ def test_euler_angles_in_degrees_are_named_and_undone():
     robot, _, readings, measured = read("stewart")
     rpy = np.hstack([measured[:, :3], np.degrees(angles(measured, "ZYX"))])
     log = table(robot, readings, rpy, *"xyz", "roll", "pitch", "yaw")
-    with pytest.raises(tp.InputError, match=r"measured_roll, .*: in degrees, must be rad"):
+    with refused(r"measured_roll, .*: in degrees, must be rad"):
         tp.calibrate(robot, log)
     fit = tp.calibrate(robot, log, options=CalibrationOptions(cause="apply"))
     right = tp.calibrate(robot, table(robot, readings, measured))
@@ -158,7 +159,7 @@ def test_another_convention_than_stated_is_named():
     robot, _, readings, measured = read("stewart")
     rpy = np.hstack([measured[:, :3], angles(measured, "XYZ")])
     log = table(robot, readings, rpy, *"xyz", "roll", "pitch", "yaw")
-    with pytest.raises(tp.InputError, match="turns in the order XYZ, not ZYX: euler XYZ"):
+    with refused("turns in the order XYZ, not ZYX: euler XYZ"):
         tp.calibrate(robot, log)
 
 
@@ -169,9 +170,9 @@ def test_readings_that_nothing_explains_are_refused_under_every_loss():
     """A measurement of another day's poses."""
     robot, _, readings, measured = read("stewart", "roll", "pitch")
     log = table(robot, readings, np.random.default_rng(1).permutation(measured))
-    with pytest.raises(tp.InputError, match=r"no known cause .* times their noise, at most 10"):
+    with refused(r"no known cause .* times their noise, at most 10"):
         tp.calibrate(robot, log)
-    with pytest.raises(tp.TrueposeError, match=r"times their noise|not converged"):
+    with refused(r"times their noise|not converged", tp.TrueposeError):
         tp.calibrate(robot, log, options=CalibrationOptions(loss="student"))
 
 
@@ -237,9 +238,8 @@ def test_a_leaning_base_leans_in_the_calibrated_robot():
 def test_healthy_robots_of_wide_tolerances_are_near_their_workspace():
     """The nominal Jugglebot places readings of real ones up to 20° beside their poses."""
     robot = tp.load("jugglebot").expected()
-    box = robot.spec.workspace
     for seed in range(40):
-        x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, 6))
+        x = drawn_poses(robot, 40, seed)
         q_e = robot.sample(seed).at_highest_level.extended_positions(x)
         assert log_checks.plausible(robot, q_e) > 0.9
         assert log_checks.plausible(robot, q_e + 0.3) < 0.5

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose.simulation import Run
@@ -76,6 +77,6 @@ def test_over_many_robots_it_stands_beside_the_others_under_its_own_name(h4):
     ],
 )
 def test_what_cannot_be_is_one_line(h4, wrong, said):
-    with pytest.raises(tp.TrueposeError, match=said) as refused:
+    with refused(said, tp.TrueposeError) as error:
         wrong(h4)
-    assert "\n" not in str(refused.value)
+    assert "\n" not in str(error.value)

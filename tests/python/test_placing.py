@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose.design.where import Use
@@ -104,12 +105,12 @@ def test_sensors_of_the_robot_that_a_file_is_based_on_move_too(tmp_path):
     ],
 )
 def test_what_cannot_be_placed_is_said(h4, asked, message):
-    with pytest.raises(tp.InputError, match=message):
+    with refused(message):
         tp.design.place_sensors(h4, **{"sensors": ["wire1"], **asked})
 
 
 def test_a_sensor_that_was_measured_stays(h4):
-    with pytest.raises(tp.InputError, match=r"wire1\.origin\.x: measured or calibrated already"):
+    with refused(r"wire1\.origin\.x: measured or calibrated already"):
         tp.design.place_sensors(h4.replace({"wire1.origin.x": 0.01}), ["wire1"])
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 from truepose import logs, robotfile
@@ -90,8 +91,7 @@ def test_the_command_finds_the_zeros_of_a_robot_homed_anew(run, tmp_path):
         np.random.default_rng(3),
     )
     moved = {f"chain{k}.encoder_offset": rng.uniform(-0.02, 0.02) for k in range(1, 7)}
-    box = robot.spec.workspace
-    q_e = robot.replace(moved).extended_positions(rng.uniform(box.minimum, box.maximum, (10, 6)))
+    q_e = robot.replace(moved).extended_positions(drawn_poses(robot, 10, rng))
     log = tmp_path / "log.csv"
     np.savetxt(log, q_e, delimiter=",", header=",".join(robot.readings), comments="")
     words = ("calibrate", "stewart", log, "--sensors", ",".join(robot.sensors))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import drawn_poses, refused
 
 import truepose as tp
 
@@ -13,8 +14,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def poses(robot):
-    box = robot.spec.workspace
-    return np.random.default_rng(4).uniform(box.minimum, box.maximum, (50, robot.n))
+    return drawn_poses(robot, 50, 4)
 
 
 def test_counts_and_shapes(robot, poses):
@@ -23,6 +23,7 @@ def test_counts_and_shapes(robot, poses):
     assert robot.jacobian(poses).shape == (50, 3, 4)
     assert [of.shape for of in robot.tej(poses)] == [(50, 4, 4), (50, 4, 4)]
     assert robot.inverse_dynamics(poses, np.zeros(3), np.zeros(3)).shape == (50, 4)
+    assert tp.simulate(robot).torque.shape[1] == 4
 
 
 def test_the_fkm_of_own_readings_is_the_pose_and_of_others_their_least_squares(robot, poses):
@@ -32,8 +33,13 @@ def test_the_fkm_of_own_readings_is_the_pose_and_of_others_their_least_squares(r
     moved = np.einsum("kij,kj->ki", robot.jacobian(poses), step)
     assert np.abs(robot.fkm(q + step, guess=poses) - poses - moved).max() < 1e-6
     q[0, 2] += 0.5  # of another posture
-    with pytest.raises(tp.PoseError, match="not converged"):
+    with refused("not converged", tp.PoseError):
         robot.fkm(q[0])
+
+
+def test_one_motor_cannot_move_alone_for_a_start_up_test(robot):
+    with refused("start-up test: no motor moves .*4 motors for 3 freedoms"):
+        tp.simulation.start_test(robot)
 
 
 def test_torques_are_the_smallest_that_accelerate_the_platform(robot, poses):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 
@@ -56,13 +57,13 @@ def test_leading_shapes_broadcast_and_bad_input_is_named(h4):
     torque = h4.inverse_dynamics(x, [0.1] * 4, np.zeros((3, 4)))
     assert torque.shape == (2, 3, 4)
     assert (torque == torque[0, 0]).all()
-    with pytest.raises(tp.InputError, match=r"^rate: shape \(3,\), must be \(\.\.\., 4\) for h4"):
+    with refused(r"^rate: shape \(3,\), must be \(\.\.\., 4\) for h4"):
         h4.acceleration(x, [0] * 3, [0] * 4)
-    with pytest.raises(tp.InputError, match=r"leading shapes must broadcast"):
+    with refused(r"leading shapes must broadcast"):
         h4.acceleration(x, np.zeros((5, 4)), [0] * 4)
-    with pytest.raises(tp.InputError, match=r"^torque = .*must be finite"):
+    with refused(r"^torque = .*must be finite"):
         h4.acceleration(h4.home, [0] * 4, [np.nan] * 4)
-    with pytest.raises(tp.PoseError, match=r"pose \(1,\) x = \[0, 0, -3, 0\]: chain 1: unreach"):
+    with refused(r"pose \(1,\) x = \[0, 0, -3, 0\]: chain 1: unreach", tp.PoseError):
         h4.mass_matrix([h4.home, [0, 0, -3, 0]])
     nowhere = h4.inverse_dynamics([[0, 0, -3, 0]], [0] * 4, [0] * 4, errors="nan")
     assert np.isnan(nowhere).all()

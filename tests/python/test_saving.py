@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from fixtures import drawn_poses
 
 import truepose as tp
 from truepose import files, robotfile
@@ -81,8 +82,7 @@ def test_a_sensors_range_is_saved_and_outlives_a_calibration(h4, h4_text, rng, t
     robot = tp.load(path)
     written_out = robot.spec.model_copy()
     written_out._text = ""
-    box = h4.spec.workspace
-    poses = rng.uniform(box.minimum, box.maximum, (30, 4))
+    poses = drawn_poses(h4, 30, rng)
     for one in (robot, tp.Robot(written_out), tp.calibrate(robot, robot.read(poses, seed=1)).robot):
         assert saved(one, path).spec.used[0].range == (-0.6, 0.6)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures import CHAINED
+from fixtures import CHAINED, refused
 
 import truepose as tp
 
@@ -23,7 +23,8 @@ def _fault(text):
     return tp.faults.Fault(reading, kind, other=other or None)
 
 
-@pytest.mark.parametrize("name", CHAINED)
+# 4rrr is refused: test_redundant_motors.
+@pytest.mark.parametrize("name", [name for name in CHAINED if name != "4rrr"])
 def test_shipped_robots_pass_with_less_than_a_millimetre(name):
     robot = tp.load(name)
     run = tp.simulation.start_test(robot)
@@ -109,11 +110,11 @@ def test_a_scale_that_was_not_measured_is_unknown(h4, fault):
 def test_a_robot_without_torque_limits_is_refused(h4):
     chains = tuple(c.model_copy(update={"torque_limit": None}) for c in h4.spec.chain)
     free = tp.Robot(h4.spec.model_copy(update={"chain": chains}), {})
-    with pytest.raises(tp.InputError, match="needs a torque limit"):
+    with refused("needs a torque limit"):
         tp.simulation.start_test(free)
 
 
 @pytest.mark.parametrize("motion", [0, -1, float("nan"), 3e-3])
 def test_bad_motions_are_refused(h4, motion):
-    with pytest.raises(tp.InputError, match="motion"):
+    with refused("motion"):
         tp.simulation.start_test(h4, motion=motion)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose.simulation.paths import MOVE_TO
@@ -123,7 +124,7 @@ def test_under_gravity_the_pd_gives_way_by_what_the_feed_forward_gets_wrong(h4, 
 
 
 def test_a_robot_that_cannot_get_there_is_named_not_settled(h4, truth):
-    with pytest.raises(tp.PoseError, match=r"^h4: pose \(1,\) x_d = \[2, 0, -0.4, 0\]: chain"):
+    with refused(r"^h4: pose \(1,\) x_d = \[2, 0, -0.4, 0\]: chain", tp.PoseError):
         tp.steady_state(h4, truth, [[0, 0, -0.4, 0], [2, 0, -0.4, 0]])
     marked = tp.steady_state(h4, truth, [[0, 0, -0.4, 0], [2, 0, -0.4, 0]], errors="nan")
     assert np.isfinite(marked).all(axis=1).tolist() == [True, False]
@@ -138,5 +139,5 @@ def test_settle_keeps_the_shape_of_its_poses(h4, truth):
 
 def test_nominal_and_true_robot_must_read_the_same_sensors(h4, delta):
     for other in (delta, h4.with_sensors()):
-        with pytest.raises(tp.InputError, match="must have the same mobility and sensors"):
+        with refused("must have the same mobility and sensors"):
             tp.steady_state(h4, other, [0, 0, -0.4, 0])

@@ -34,11 +34,13 @@ def ini(made):
 
 
 def refused(robot):
-    """Whether a robot is one whose coordinates LinuxCNC has no axes for: it says so."""
-    if not robot.spec.passive_axis:
+    """Whether a robot has coordinates that are no axes, or too many motors: it says so."""
+    if not robot.spec.passive_axis and robot.m == robot.n:
         return False
-    name = robot.spec.passive_axis[0].name
-    with pytest.raises(tp.InputError, match=f"{name} is none of LinuxCNC's axes"):
+    said = "as many motors as freedoms"
+    if robot.spec.passive_axis:
+        said = f"{robot.spec.passive_axis[0].name} is none of LinuxCNC's axes"
+    with pytest.raises(tp.InputError, match=said):
         configuration(robot)
     return True
 

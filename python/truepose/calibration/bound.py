@@ -220,7 +220,7 @@ def after_visiting(
         np.eye(4),
         np.eye(4),
         -1,
-        between.core if between else _core.Links([], 0),
+        between.core if between else _core.Links(),
         full,
         known.nuisances,
         conditions.together(model, full, {"calibration": visited, "reference": known_poses}),

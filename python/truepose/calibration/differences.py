@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -194,7 +194,7 @@ def assemble(
         return len(unknowns) - len(new)
 
     tools: dict[tuple[float, ...], int] = {}
-    rows: list[tuple[Any, ...]] = []
+    rows: list[Array] = []
     shapes: list[tuple[int, ...]] = []
     renamed: dict[str, Difference] = {}
     for given in differences:
@@ -210,13 +210,11 @@ def assemble(
             of = "tool" if not tools else f"tool{len(tools) + 1}"
             tools[key] = add(of, *zip(AXES, tool, [given.tool_sigma] * 3, strict=True))
         links, shape = _links(robot, given, name, lines, tools[key], add)
-        rows += links
+        rows.append(links)
         shapes.append(shape)
         renamed[name] = replace(given, name=name)
     names, mean, sigma = map(list, zip(*unknowns, strict=True))
-    core = _core.Links(mean, first)
-    for row in rows:
-        core.add(*row)
+    core = _core.links(np.concatenate(rows), mean, first)
     given_as = tuple(renamed.values())
     return Assembled(given_as, core, np.array(mean), np.array(sigma), names, shapes)
 
@@ -236,7 +234,7 @@ def _links(
     lines: int,
     tool: int,
     add: Callable[..., int],
-) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
+) -> tuple[Array, tuple[int, ...]]:
     """Return the core's rows of one set, and the shape of its measurements."""
     kind, unknown, axis, times = _core.LinkKind.point, 0, np.zeros(1, dtype=int), np.zeros((1, 1))
     if isinstance(given, PlaneContacts):
@@ -264,11 +262,8 @@ def _links(
     must = "greater than 0" if what == "measured" else "a finite number"
     values = numbers_like(f"{name}: {what}", measured, shape, must)
     values, sigma = (of.reshape(len(pairs), -1) for of in (values, sigma))
-    table = np.broadcast_arrays(pairs[:, :1], pairs[:, 1:], axis, times, values, sigma)
-    return [
-        (kind, (i, j), tool, unknown, *row)
-        for i, j, *row in zip(*(column.ravel().tolist() for column in table), strict=True)
-    ], shape
+    row = (kind, pairs[:, :1], pairs[:, 1:], tool, unknown, axis, times, values, sigma)
+    return np.stack(np.broadcast_arrays(*row), axis=-1).reshape(-1, len(row)), shape
 
 
 def _at(name: str, lines: ArrayLike, count: int, width: int) -> Array:

@@ -143,8 +143,8 @@ def check_command(
 def _summary(robot: Robot) -> str:
     sensors = ", ".join(robot.sensors) or "none"
     return (
-        f"{robot.name}, n = {robot.m} motors, r = {robot.r} sensors in use ({sensors}), "
-        f"{len(robot.parameters)} parameters"
+        f"{robot.name}, n = {robot.n} freedoms, m = {robot.m} motors, r = {robot.r} "
+        f"sensors in use ({sensors}), {len(robot.parameters)} parameters"
     )
 
 

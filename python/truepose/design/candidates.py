@@ -169,7 +169,7 @@ def rows_of(
     nuisances = [*knowledge.left_out(robot).values()] if guarded else []
     root = _root(robot, tracker.sigma, others, nuisances, after)
     order = _in_order(known, len(root))
-    model, none = robot.expected(), _core.Links([], 0)
+    model, none = robot.expected(), _core.Links()
 
     def linearized(
         x: Array,

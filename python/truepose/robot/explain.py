@@ -33,7 +33,7 @@ def full_level(robot: _core.Robot) -> FullLevel:
     count = f"{full.rods} rods, {full.unknowns} freedoms"
     free = ""
     if full.kind == kinds.loose:
-        rows = np.asarray(_core.full_rod_rows(robot))
+        rows = robot.rod_rows(True)
         names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
         free = f"the rods do not constrain the platform against {_not_held(rows, names)}"
     exists, reason = {
@@ -47,16 +47,20 @@ def full_level(robot: _core.Robot) -> FullLevel:
     return FullLevel(exists, reason)
 
 
-def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
-    """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
+def at_home(
+    robot: _core.Robot, spec: RobotFile, failure: tuple[int, int], held: float = _HELD
+) -> str:
+    """Explain in one line why the inverse model or the Jacobian at home fails (status, chain).
+
+    Motions of a singular value below `held` times the largest are called unconstrained.
+    """
     status, chain = failure
     if spec.mobility == "mechanism" and status != _core.joint_limit:
         return flaws.at_home(robot, spec, status, chain)
-    home = list(spec.home)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
     words += f", {part(spec, status, chain)}" if chain >= 0 else ""
     if status == _core.unreachable:
-        gap = _core.shortfall(robot, home, chain)[0][0]
+        gap = robot.shortfall(chain)
         words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
     elif status == _core.joint_limit:
         words += f"{'' if chain < 0 else ':'} {beyond(robot, spec, np.array(spec.home), chain)}"
@@ -65,10 +69,10 @@ def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> st
         how = "arm and rod are in line" if revolute else "rod is perpendicular to its rail"
         words += f": its {how}"
     elif status == _core.singular and spec.passive_axis:
-        words += f": {_not_turned(robot, spec, home)}"
+        words += f": {_not_turned(robot, spec)}"
     elif status == _core.singular:
-        rows = _core.rod_rows(robot, home)[0][0]
-        free = _not_held(rows, [name for name, _ in spec.coordinate_units])
+        rows = robot.rod_rows(False)
+        free = _not_held(rows, [name for name, _ in spec.coordinate_units], held)
         words += f": the chains do not constrain the platform against {free}"
     return words
 
@@ -91,13 +95,13 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
     return f"{position:.6g} of [{low:.6g}, {high:.6g}]"
 
 
-def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
+def _not_turned(robot: _core.Robot, spec: RobotFile) -> str:
     """Say which passive axes coincide at home, or which of them no motor turns."""
     lines = zip(spec.passive_axis, passive_axes(robot, spec.home), strict=True)
     for (axis, (p, a)), (other, (o, b)) in itertools.combinations(lines, 2):
         if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
             return f"axes {axis.name} and {other.name} coincide"
-    rows = _core.rod_rows(robot, home)[0][0]
+    rows = robot.rod_rows(False)
     for i in range(spec.m):
         if np.abs(rows[i]).max() <= _HELD * np.abs(rows).max():
             return f"chain {i + 1}: its rod runs through every axis, or along it: no torque"
@@ -109,7 +113,7 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     return f"the motors do not constrain the platform against turning by {' : '.join(turned)}"
 
 
-def _not_held(rows: Array, names: list[str]) -> str:
+def _not_held(rows: Array, names: list[str], held: float = _HELD) -> str:
     """Describe the motions that change no rod's length, each in few coordinates."""
     turns = np.array([name not in ("x", "y", "z") for name in names])
     sizes = np.linalg.norm(rows, axis=0)
@@ -117,7 +121,7 @@ def _not_held(rows: Array, names: list[str]) -> str:
     scale = np.where(turns, length or 1.0, 1.0)
     _, values, motions = np.linalg.svd(rows / scale)
     values = np.append(values, np.zeros(len(names) - len(values)))
-    free = motions[values <= max(_HELD * values[0], values[-1])]
+    free = motions[values <= max(held * values[0], values[-1])]
     for k in range(len(free)):  # reduced echelon form
         row, column = np.unravel_index(np.abs(free[k:]).argmax(), free[k:].shape)
         free[[k, k + row]] = free[[k + row, k]]
@@ -125,7 +129,7 @@ def _not_held(rows: Array, names: list[str]) -> str:
         free -= np.outer(free[:, column] * (np.arange(len(free)) != k), free[k])
     twists = np.zeros((len(free), max(len(names), 6)))
     twists[:, [_TWIST.get(name, k) for k, name in enumerate(names)]] = (
-        np.where(np.abs(free) < _HELD, 0.0, free) / scale
+        np.where(np.abs(free) < held, 0.0, free) / scale
     )
     return ", nor against ".join(map(_motion, twists))
 

@@ -232,8 +232,7 @@ class Kinematics(Description):
         >>> round(float(parallel), 3), serial.round(3).tolist()
         (0.813, [0.854, 0.914, 0.873, 0.887])
         """
-        (values,) = at_poses(self, x, errors, _core.conditioning)
-        return Conditioning(values[..., 0], values[..., 1:])
+        return Conditioning(*at_poses(self, x, errors, _core.conditioning))
 
     def skeleton(self, x: ArrayLike) -> Array:
         """Compute points of every chain at one pose, shape (m, 4, 3), m, base frame.

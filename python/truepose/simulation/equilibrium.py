@@ -114,7 +114,8 @@ def steady_state(
     else:
         gains = controller.settings(robot, start)
         believed, known = knowledge.for_law(robot, controller.law)
-        x, status, chain, _ = _core.settle(believed.core, truth.core, gains, known, gravity, rows)
+        by = (believed.core, truth.core, gains, known, gravity)
+        x, status, chain, _ = _core.settle(*by, rows, None, [])
         require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
     shape = (*lead, robot.n)
     return SteadyState(x.reshape(shape), robot=robot, x_d=rows.reshape(shape))
@@ -129,7 +130,8 @@ def settling(robot: Robot, law: Law) -> Callable[[Robot, Array], Array]:
     believed, known = knowledge.for_law(robot, law)
 
     def settle(truth: Robot, x_d: Array) -> Array:
-        x, status, _, _ = _core.settle(believed.core, truth.core, gains, known, False, x_d)
+        by = (believed.core, truth.core, gains, known, False)
+        x, status, _, _ = _core.settle(*by, x_d, None, [])
         return np.where(np.asarray(status)[:, None] == 0, x, np.nan)
 
     return settle

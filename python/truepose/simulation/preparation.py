@@ -36,8 +36,7 @@ class Prepared(NamedTuple):
     """A robot ready to be simulated."""
 
     truth: Robot  #: with its effects at that time
-    first: tuple  #: arguments of the core's functions before the motion
-    last: tuple  #: and after it: integration steps per period, true pose at the start, seed
+    loop: _core.Simulation
     limits: SafetyLimits | None = None  #: of the safety shell
 
 
@@ -70,7 +69,8 @@ def prepare(
     believed, known = knowledge.for_law(robot, law)
     rows, loaded = start[None], controller.integral == 0
     model = believed if learn is None else learn.robot
-    at_rest, status, chain, _ = _core.settle(model.core, truth.core, gains, known, loaded, rows)
+    by = (model.core, truth.core, gains, known, loaded)
+    at_rest, status, chain, _ = _core.settle(*by, rows, None, [])
     require_answers(robot, "pose", rows, (), status, chain, "raise", name="start")
     if callable(controller.law):
         at_rest = steady_state(robot, truth, rows, controller, gravity=loaded, start=start)
@@ -81,9 +81,9 @@ def prepare(
     limits = None if run.safety is None else run.safety.limits(robot, controller)
     shell = None if limits is None else _core.Safety(limits.core, limits.counter)
     belief = (believed.core, truth.core, gains, known)
-    first = (*belief, plant, filtered, wrong, fault_setup, slow, events)
-    last = (steps, at_rest[0], check_seed(seed))
-    return Prepared(truth, (*first, shell), last, limits)
+    more = (plant, filtered, wrong, fault_setup, slow, events, shell)
+    loop = _core.Simulation(*belief, *more, steps, at_rest[0], check_seed(seed))
+    return Prepared(truth, loop, limits)
 
 
 def controller_of(

@@ -311,8 +311,7 @@ def simulate(
     held = (rest + setpoints.x[-1], rest, rest)
     x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
     own = for_core(controller.law, robot) if callable(controller.law) else None
-    loop = _core.Loop(*prepared.first)
-    samples, status, chain = loop.follow(x, rate, acceleration, *prepared.last, own)  # type: ignore[call-arg]
+    samples, status, chain = prepared.loop.follow(x, rate, acceleration, own)
     log = members(robot, samples)
     ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * period)
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):

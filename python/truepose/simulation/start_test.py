@@ -155,7 +155,8 @@ def start_test(
     Raises
     ------
     InputError
-        A motor without a torque limit; a fault that the robot cannot have.
+        A motor without a torque limit; more motors than freedoms; a fault that the robot cannot
+        have.
     PoseError
         The robot cannot stand at the pose.
 
@@ -169,6 +170,11 @@ def start_test(
     >>> tp.simulation.start_test(h4).passed
     True
     """
+    if robot.m > robot.n:
+        raise InputError(
+            f"{robot.name}: start-up test: no motor moves while the brakes hold the others: "
+            f"{robot.m} motors for {robot.n} freedoms"
+        )
     truth = robot if truth is None else truth
     require_same_readings(robot, truth)
     positive("motion", motion, " (m)", _MOST)

@@ -245,6 +245,11 @@ def _axes(robot: Robot) -> list[dict[str, Any]]:
             f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a rotational "
             "robot has no configuration (choices: robots that move x, y, z)"
         )
+    if robot.m > robot.n:
+        raise InputError(
+            f"{robot.name}: {robot.m} motors for {robot.n} freedoms: LinuxCNC's components take as "
+            "many motors as freedoms"
+        )
     box, axes = robot.spec.workspace, []
     for k, (name, unit) in enumerate(robot.coordinates):
         letter = _LETTERS.get(name, name.upper())

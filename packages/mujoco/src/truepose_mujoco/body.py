@@ -87,9 +87,7 @@ class Body:
         """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
         motor, arm = self.positions()
         psi = self.data.qpos[self.bars][: _core.max_bars]
-        frame = self.frame()
-        bodies = self.robot.core, frame[:3, 3], frame[:3, :3]
-        q_e, _ = _core.readings(*bodies, psi, theta, motor, arm)
+        q_e, _ = _core.readings(self.robot.core, self.frame(), psi, theta, motor, arm)
         return np.array(q_e)[: self.robot.m + self.robot.r]
 
     def hold(self) -> None:

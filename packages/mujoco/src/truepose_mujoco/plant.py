@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -140,7 +139,7 @@ class _Drive:
         self.time, self.body = time, plant.body(time)
         self.limits = plant.safety and plant.safety.limits(robot, controller)
         setup = plant.monitor and plant.monitor.setup(robot, controller)
-        self.monitored = {"fault_setup": setup} if setup else {}
+        self.monitor = setup or None
         self.restart()
 
     def restart(self) -> None:
@@ -151,25 +150,33 @@ class _Drive:
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
         self.stopped = ""
-        self.state: Any = _core.ControlState()
-        if self.limits:
-            self.state = _core.SafeControl(_core.Safety(self.limits.core, self.limits.counter))
+        limits = self.limits
+        shell = _core.Safety(limits.core, limits.counter) if limits else None
+        self.state = _core.ExternalControl(shell)
+        if limits:
             cycle = 0
             while not self.state.report.follows:  # the brakes hold the robot
-                if cycle > _START + self.limits.core.brake / self.period:
+                if cycle > _START + limits.core.brake / self.period:
                     raise not_started(self.robot, self.state.report.cause)
                 began = cycle >= _WAITS, cycle > _WAITS
                 self._step(self.at, 0.0, self._read()[0], begins=began)
                 cycle += 1
 
-    def _step(self, end: Array, now: float, sensed: Array, **more: Any) -> int:
+    def _step(
+        self,
+        end: Array,
+        now: float,
+        sensed: Array,
+        frozen: bool = False,
+        begins: tuple[bool, bool] = (False, False),
+    ) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
         core, q_e = self.believed.core, sensed
         setpoint = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.m, q_e)
-        cycle = core, self.settings, *setpoint, q_e, self.known, self.bus
-        status, _ = self.state.step(*cycle, **more, **self.monitored)
+        cycle = core, self.settings, *setpoint, q_e, self.known, self.bus, self.monitor
+        status, _ = self.state.step(*cycle, frozen, begins)
         return int(status)
 
     def _theta(self) -> float:
@@ -229,16 +236,16 @@ class _Drive:
 
     def _cycle(self, end: Array, now: float, time: float) -> int:
         """Run one control period of a move towards `end`; return the controller's status."""
-        body, effects, more = self.body, self.plant.effects, {}
+        body, effects = self.body, self.plant.effects
         if self.limits:
-            now, more = self.state.time, {"frozen": self.faults.frozen(time)}
-        status = self._step(end, now, self._faulty(time), **more)
+            now = self.state.time
+        frozen = bool(self.limits) and self.faults.frozen(time)
+        status = self._step(end, now, self._faulty(time), frozen)
         if status > 0 and not (self.plant.faults or self.limits):
             return status
         if self.limits:
             self._brake(time)
-        given = self.state.report if self.limits else self.state
-        torque = given.torque[: self.robot.m]
+        torque = self.state.torque[: self.robot.m]
         applied, self.pending = (self.pending if effects.delay else torque), torque
         ripple = np.sin(_RIPPLES * body.positions()[0] + self.plant.ripple_phase)
         body.data.ctrl[:] = applied * (1 + effects.torque_ripple * ripple)

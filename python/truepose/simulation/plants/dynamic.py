@@ -137,7 +137,7 @@ def visit(
     controller = controller_of(controller, robot, effects)
     run.check(controller)
     prepared = prepare(robot, truth, controller, robot.home, run, effects, faults, monitor)
-    visits = _core.Loop(*prepared.first).visit(rows, run.duration, run.hold, *prepared.last)
+    visits = prepared.loop.visit(rows, run.duration, run.hold)
     x, q_e, low, high, held, status, cycles, reason = members(robot, visits)
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~((high - low).max(axis=1) <= RESTLESS)

@@ -1,0 +1,164 @@
+// Arrays and states that Python holds for the core, which has pointers to them.
+#pragma once
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+
+#include <stdexcept>
+
+#include "calibration/line.hpp"
+#include "control/fault_tolerant_control.hpp"
+#include "estimation/online_calibrator.hpp"
+#include "python/arrays.hpp"
+#include "simulation/bus.hpp"
+
+namespace truepose::python {
+/// A Python object, or None.
+template <class T>
+using Optional = std::optional<T*>;
+
+/// Knowledge of a robot.
+struct Known {
+  std::vector<int> column;
+  RowMatrix root;
+  Extended sigma;
+
+  Known(const std::vector<int>& columns, const RowMatrix& lower, const Extended& sigmas)
+      : column(columns), root(lower), sigma(sigmas) {
+    if (root.rows() != root.cols() || root.rows() != count())
+      throw std::invalid_argument("one row and column for each parameter");
+  }
+  int count() const { return static_cast<int>(column.size()); }
+  Knowledge view() const { return {count(), column.data(), root.data(), sigma}; }
+};
+
+/// Influences at pose i: none, or row i of (N, (m + r) × count).
+inline Influences influences_at(const Robot& robot, const Rows* influence, std::size_t i) {
+  if (influence == nullptr) return {};
+  const std::size_t width = influence->shape(1);
+  return {static_cast<int>(width) / readings(robot), influence->data() + i * width};
+}
+
+/// Knowledge and work space of one thread for weighted laws; none without knowledge.
+class Weights : public Weighing {
+ public:
+  Weights(const Robot& robot, const Known* of) {
+    if (of) weigh(robot, of->view());
+  }
+  void weigh(const Robot& robot, const Knowledge& by) {
+    knowledge_ = by;
+    space_.resize(estimate_work(robot, by.count));
+    known = &knowledge_, work = space_.data();
+  }
+  Weights(const Weights&) = delete;
+  Weights& operator=(const Weights&) = delete;
+
+ private:
+  Knowledge knowledge_;
+  std::vector<double> space_;
+};
+
+using Delays = std::optional<MultirateSettings>;
+
+/// Delayed sensors as the controller models them, and the true ones.
+using Lateness = std::pair<Delays, Delays>;
+
+/// Multirate and delayed sensors of an external plant: bus and state.
+struct Slow {
+  Multirate late;
+  Bus bus;
+  bool known_late;
+  Knowledge known;
+
+  /// Without settings the controller models no delays. @throws std::invalid_argument
+  static Multirate started(const Delays& settings) {
+    Multirate late;
+    if (settings && !start(*settings, late))
+      throw std::invalid_argument("period or age of a sensor: too long");
+    return late;
+  }
+  explicit Slow(const Lateness& lateness)
+      : late(started(lateness.first)),
+        bus(lateness.second.value_or(MultirateSettings{})),
+        known_late(lateness.first) {}
+
+  /// Converts sensor readings to those of the controller, (n + r,). Call it once per cycle.
+  Extended deliver(int motors, Extended q_e) {
+    late.arrived = bus.deliver(motors, q_e);
+    return q_e;
+  }
+};
+
+/// Settings of the fault monitor: the robot at its highest level, and the knowledge of it.
+struct FaultTolerantSetup {
+  Robot robot;
+  Known known;
+  FaultTolerantSettings settings;
+  Delays late;
+
+  FaultTolerantSetup(const Robot& monitored, const Known& knowledge,
+                     const FaultMonitorSettings& monitor, const MomentumSettings& momentum,
+                     const Delays& slow)
+      : robot(monitored), known(knowledge), settings{monitor, momentum, &robot}, late(slow) {
+    prepare(settings.monitor);
+  }
+  FaultTolerantSetup(const FaultTolerantSetup&) = delete;
+  FaultTolerantSetup& operator=(const FaultTolerantSetup&) = delete;
+};
+
+/// An online calibrator, the arrays that it points to, and their level; kept between runs.
+struct Online : OnlineCalibrator {
+  const Robot nominal;
+  Known prior;
+  std::vector<double> xi;
+  const RowMatrix drifts;
+  const Level level;
+  std::vector<double> space, kept;
+
+  /// @param drift  one row per random walk, one column per uncertain parameter
+  Online(const Robot& of, const Known& known, const std::vector<double>& mean,
+         const RowMatrix& drift, double gate, bool full)
+      : nominal(of),
+        prior(known),
+        xi(mean),
+        drifts(drift),
+        level(python::level(full)),
+        space(online_work(of, known.count())),
+        kept(online_kept(known.count())) {
+    drawn = &nominal;
+    settings = {drifts.rows(), drifts.data(), nullptr, gate};
+    state = {prior.count(), prior.column.data(),
+             xi.data(),     prior.root.data(),
+             prior.sigma,   0,
+             kept.data(),   {}};
+    work = space.data();
+  }
+  Online(const Online&) = delete;
+  Online& operator=(const Online&) = delete;
+
+  /// The calibrator for a run: with the robot at ξ̂. Its first row is new.
+  OnlineCalibrator& begin(const Robot& of) {
+    settings.linearised = nullptr;
+    robot = of;
+    robot.level = nominal.level;
+    static_cast<void>(set_parameters(nominal, xi.data(), robot));
+    pose = to_pose(of.mobility, of.home);
+    last.fill(INFINITY);
+    return *this;
+  }
+  /// State other than ξ̂ and its root: the rollback state, counts, and the residual test.
+  nb::tuple memory() const {
+    return nb::make_tuple(kept, state.due, lines, left_out,
+                          nb::bytes(&state.doubt, sizeof state.doubt));
+  }
+  /// Resumes from another object's arrays and memory.
+  void resume(const std::vector<double>& saved, int due, long used, long excluded,
+              const nb::bytes& doubt) {
+    if (saved.size() != kept.size() || doubt.size() != sizeof state.doubt)
+      throw std::invalid_argument("the memory of another filter");
+    std::ranges::copy(saved, kept.begin());
+    state.due = due, lines = used, left_out = excluded;
+    std::memcpy(&state.doubt, doubt.data(), doubt.size());
+  }
+};
+}  // namespace truepose::python
