@@ -9,7 +9,7 @@ from truepose.exceptions import choose
 from truepose.robotfile.base import Problem
 from truepose.robotfile.chains import check_drive
 from truepose.robotfile.mechanism import freedoms, singles
-from truepose.robotfile.mechanism_to_core import equations, freedoms_in_order, motors_of
+from truepose.robotfile.mechanism_to_core import equations, freedoms_in_order, movers
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import rod_axis
 
@@ -145,7 +145,7 @@ def _parts(spec: RobotFile) -> Iterator[Problem]:
         if of.anchor_body == of.base_body:
             text = f"closure {of.name}: both ends are on {of.base_body}: nothing moves one"
             yield Problem(("closure", k), text)
-        if of.working_mode and not (of.length and len(motors_of(spec, of.base_body)) == 1):
+        if of.working_mode and not (of.length and len(movers(spec, of)) == 1):
             text = f"{of.name}.working_mode: is for a rod whose base one motor moves"
             yield Problem(("closure", k, "working_mode"), text)
     for k, sensor in enumerate(spec.sensor):

@@ -35,12 +35,15 @@ def indices(spec: RobotFile) -> dict[str, int]:
     return {"base": -1} | {of.body.name: k for k, of in enumerate(singles(spec.body))}
 
 
-def motors_of(spec: RobotFile, body: str) -> list[str]:
-    """Return the motors that move a body, or one that carries it."""
+def movers(spec: RobotFile, closure: Closure) -> list[str]:
+    """Return the motors that move a closure's B, by a body or one that carries it, and not A."""
+    anchor, base = (_motors_of(spec, end) for end in (closure.anchor_body, closure.base_body))
+    return [motor for motor in base if motor not in anchor]
+
+
+def _motors_of(spec: RobotFile, body: str) -> list[str]:
     own = [of for of in spec.body if of.name == body]
-    return [*filter(None, [of.motor for of in own])] + [
-        m for of in own for m in motors_of(spec, of.on)
-    ]
+    return [m for of in own for m in (of.motor, *_motors_of(spec, of.on)) if m]
 
 
 def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
@@ -73,7 +76,7 @@ def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
             own.driven = freedom[rod.motor or ""]
         else:
             own.length = rod.length
-            if len(motors := motors_of(spec, rod.base_body)) == 1:
+            if len(motors := movers(spec, rod)) == 1:
                 own.motor, own.mode = freedom[motors[0]], rod.working_mode or 0
         closures.append(own)
     start = spec.start | dict(zip(order[spec.m :], spec.home, strict=False))
