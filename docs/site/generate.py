@@ -38,7 +38,8 @@ def robot_file() -> str:
     top = schema | {"properties": dict(schema["properties"])}
     for key, what in reading.SHORTHAND.items():
         top["properties"][key] = {"description": what, "default": None, "type": "string"}
-    top["properties"]["chain_defaults"]["type"] = "object"
+    for name in ("Chain", "Motor"):
+        top["properties"][f"{name.lower()}_defaults"]["$ref"] = name
     top["properties"]["units"] |= {"type": "array", "items": {"type": "string"}}
     kinds = {model.__name__: tables[model.__name__] for model in sensors.SENSORS.values()}
     text = "\n".join(_table("Top level", "top-level", top, tables))
@@ -72,6 +73,9 @@ def _titles(name: str) -> tuple[str, str]:
     """Heading and anchor of a table, by where the file has it."""
     places = {
         "Chain": "`[[chain]]`, `[chain_defaults]`",
+        "Body": "`[[body]]`",
+        "Closure": "`[[closure]]`",
+        "Motor": "`[[motor]]`, `[motor_defaults]`",
         "Bar": "`[[bar]]`",
         "Workspace": "`[workspace]`, `[fkm_region]`",
         "Tolerance": "`[tolerances]`: of each parameter",
@@ -122,8 +126,6 @@ def _kind(field: dict, tables: dict) -> tuple[str, str, str]:
         return f"{many} {plural}", unit or of_item, f"each {bounds}" if bounds else ""
     if field["type"] == "object":
         inner = field.get("additionalProperties")
-        if not inner:
-            return "[table](#key-chain)", "", ""
         words, of_item, bounds = _kind(inner, tables)
         return f"by name: {words}", unit or of_item, bounds
     return WORDS[field["type"]], unit, bounds

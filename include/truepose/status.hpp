@@ -51,7 +51,8 @@ constexpr const char* describe(Status status) {
   return "unknown status";
 }
 
-/// Status and its chain, for `disagree` its reading (0-based, -1: none). True: there is an answer.
+/// Status and its chain, of a described mechanism its closure (joint_limit: motor), for `disagree`
+/// its reading (0-based, -1: none). True: there is an answer.
 struct [[nodiscard]] Outcome {
   Status status = Status::ok;
   int chain = -1;

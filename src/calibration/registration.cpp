@@ -28,7 +28,7 @@ void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn, con
 
 namespace truepose {
 Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
-  if (is_rotational(mobility)) {
+  if (is_rotational(mobility) || is_mechanism(mobility)) {
     Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
     for (int i = 0; i < dof(mobility); ++i) angles.H_x[i][i] = 1;
     return angles;
@@ -143,7 +143,7 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
 namespace truepose {
 Registration registered(Mobility mobility, const Registration& known, bool movable, bool turning,
                         int count, const Pose* pose, const Status* status, const double* measured) {
-  if (is_rotational(mobility)) return known;
+  if (is_rotational(mobility) || is_mechanism(mobility)) return known;
   std::vector<registration_detail::Pair> pairs;
   Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
   for (int k = 0; k < count; ++k) {

@@ -36,9 +36,10 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
 Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,
                       const AxisCommand& wanted, AxisCommand& given) {
   const int n = dof(robot.mobility);
-  for (const Joint* values :
-       {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
-        &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
+  for (const Joint* values : {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque,
+                              &wanted.kp, &wanted.kd, &joints.position, &joints.velocity})
+    if (!all_finite(*values, n)) return {Status::not_finite};
+  for (const Joint* values : {&motors.position, &motors.velocity})
     if (!all_finite(*values, robot.motors)) return {Status::not_finite};
   const Pose desired = to_pose(robot.mobility, free(wanted.state.position)),
              now = to_pose(robot.mobility, free(joints.position));

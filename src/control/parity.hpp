@@ -22,8 +22,8 @@ struct Parity {
   Extended expected;  ///< h
   Extended read;      ///< q_e
   Jacobians jacobians;
-  SensorRows g;     ///< J_r J
-  Reading value{};  ///< p
+  Matrix<kMaxSensors, kMaxMotors> g;  ///< J_r J
+  Reading value{};                    ///< p
   Pose pose;
 
   /// Column of P.

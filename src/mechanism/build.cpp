@@ -70,7 +70,6 @@ void build(const Robot& robot, Layout layout, Built& built) {
     built.platform = m.platform;
     built.yaw = -1;
     built.turn = m.freedoms;
-    built.arm.fill(kDescribed);
     return;
   }
   Builder builder{m};

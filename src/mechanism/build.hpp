@@ -11,8 +11,6 @@ enum class Layout : int {
   free = 2,   ///< every rod and bar by itself, the platform anywhere: x is [D; rotation vector]
 };
 
-inline constexpr int kDescribed = -2;  ///< in place of arms: bodies and closures are the robot's
-
 /// A robot's mechanism, and where its parts are.
 struct Built {
   engine::Mechanism mechanism;
@@ -21,7 +19,7 @@ struct Built {
   int platform;                     ///< body
   int yaw;                          ///< freedom θ of the platform; -1: none
   int turn;                         ///< freedom of the first bar's turn ψ; -1: none
-  std::array<int, kMaxChains> arm;  ///< body that carries B; -1: the base; kDescribed
+  std::array<int, kMaxChains> arm;  ///< body that carries B; -1: the base
   std::array<int, kMaxChains> bar;  ///< body that carries A
 
   int rod_of(const Sensor& sensor) const {

@@ -5,14 +5,6 @@
 
 namespace truepose {
 namespace {
-/// The chain, or the motor, of a closure (-1: none).
-int chain_of(const Built& built, int closure) {
-  if (closure < 0 || built.arm[0] != kDescribed)
-    return closure < 0 ? -1 : closure / built.rods_per_chain;
-  const engine::Closure& of = built.mechanism.closure[closure];
-  return std::max(of.driven, of.motor);
-}
-
 /// Closes a described mechanism's loops from its home, the held freedoms moved in stages.
 FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& unknown,
                           engine::Position& at) {
@@ -46,7 +38,7 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
     if (staged) at = again;
     result = {staged ? staged : result, result.iterations + staged.iterations, at.residual};
   }
-  result.chain = chain_of(built, result.chain);
+  if (result.chain >= 0) result.chain /= built.rods_per_chain;
   const engine::Frame& platform = at.frame[built.platform];
   closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
   if (is_mechanism(robot.mobility)) closure.pose = {{near.D, platform.R, 0}, near.psi};
@@ -205,7 +197,7 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
   const engine::Mechanism& m = closure.built.mechanism;
   Matrix<kMaxUnknowns, kMaxUnknowns> rates;
   Outcome outcome = engine::follow(m, closure.at, engine::forward(m), engine::motors(m), rates);
-  outcome.chain = chain_of(closure.built, outcome.chain);
+  if (outcome.chain >= 0) outcome.chain /= closure.built.rods_per_chain;
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;

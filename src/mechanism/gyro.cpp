@@ -4,6 +4,7 @@
 namespace truepose {
 Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
   if (!robot.finished) return {Status::unfinished, -1};
+  if (is_mechanism(robot.mobility)) return {Status::no_chains, -1};
   const Pose pose = to_pose(robot.mobility, x);
   const Carried carried = carried_frames(robot, pose);
   const Mat3& R = carried.pose.R;

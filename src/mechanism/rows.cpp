@@ -28,9 +28,8 @@ inline void for_each_twist(const Mechanism& mechanism, const Position& at, int b
 
 void add_line(const Mechanism& mechanism, const Position& at, int body, const Line& line, Real sign,
               Row& row) {
-  for_each_twist(mechanism, at, body, [&](int freedom, const Twist& twist) {
-    row[freedom] += sign * (twist * line);
-  });
+  for_each_twist(mechanism, at, body,
+                 [&](int freedom, const Twist& twist) { row[freedom] += sign * (twist * line); });
 }
 
 Row row(const Mechanism& mechanism, const Position& at, int closure) {

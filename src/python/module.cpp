@@ -13,6 +13,10 @@ NB_MODULE(_core, m) {
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;
   m.attr("max_axes") = kMaxAxes;
+  m.attr("max_bodies") = engine::kBodies;
+  m.attr("max_freedoms") = engine::kFreedoms;
+  m.attr("max_closures") = engine::kClosures;
+  m.attr("max_unknowns") = kMaxUnknowns;
   m.attr("most_late") = kMostLate;
   m.attr("oldest") = kOldest;
   m.attr("slowest") = kSlowest;

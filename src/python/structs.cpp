@@ -186,6 +186,13 @@ void bind_robot(nb::module_& m) {
              std::copy_n(closures.begin(), std::min(closures.size(), of.closure.size()),
                          of.closure.begin());
              std::copy_n(home.begin(), std::min(home.size(), of.home.size()), of.home.begin());
+             if (!engine::check_parts(of)) return;
+             engine::Position at;  // a leg without a start begins at the distance of its ends
+             at.y = of.home;
+             engine::place(of, at);
+             for (int i = 0; i < of.closures; ++i)
+               if (const int leg = of.closure[i].driven; leg >= 0 && of.home[leg] == 0)
+                 of.home[leg] = (at.A[i] - at.B[i]).norm();
            })
       .def("check_mechanism",  // flaw, part, amount, gap of each closure (m), freedoms
            [](const Robot& robot) {

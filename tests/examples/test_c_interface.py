@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compiling import told
+from fixtures import CHAINED
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
@@ -123,7 +124,7 @@ def test_the_loop_in_c_runs_and_the_tej_takes_out_most_of_what_a_rod_does(prefix
 
 
 @pytest.mark.parametrize("language", [(CC, *STRICT, "-xc"), ("c++", "-std=c++20", "-xc++")])
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_a_robots_tables_compile_alone_in_c_and_in_cpp(name, language, tmp_path):
     robot = tp.load(name)
     (tmp_path / "robot.h").write_text(tables(robot), encoding="utf-8")

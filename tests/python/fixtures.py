@@ -114,6 +114,16 @@ def any_robot(request) -> tp.Robot:
     return tp.load(request.param)
 
 
+#: Shipped robots of chains; control, dynamics, simulation, C and drawings of chains are for these.
+CHAINED = [name for name in tp.list_robots() if tp.load(name).spec.chain]
+
+
+@pytest.fixture(params=CHAINED)
+def chained_robot(request) -> tp.Robot:
+    """Return each shipped robot of chains."""
+    return tp.load(request.param)
+
+
 @pytest.fixture(scope="session")
 def delta() -> tp.Robot:
     """Return a robot without sensors and without bars."""

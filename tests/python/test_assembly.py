@@ -15,20 +15,22 @@ def pose_of(robot):
     )
 
 
-def test_every_mode_closes_on_the_same_motors_and_the_robots_own_is_among_them(any_robot):
-    x = pose_of(any_robot)
-    q = any_robot.ikm(x)
-    modes = any_robot.assembly_modes(q, starts=500)
-    assert len(modes) >= 1 + (any_robot.m == any_robot.n)
+def test_every_mode_closes_on_the_same_motors_and_the_robots_own_is_among_them(chained_robot):
+    x = pose_of(chained_robot)
+    q = chained_robot.ikm(x)
+    modes = chained_robot.assembly_modes(q, starts=500)
+    assert len(modes) >= 1 + (chained_robot.m == chained_robot.n)
     assert np.abs(modes.x - x).max(axis=1).min() < 1e-9
-    points = [any_robot.skeleton(x)[:, 1]]  # B follows from q alone: every A at rod's length of it
+    points = [
+        chained_robot.skeleton(x)[:, 1]
+    ]  # B follows from q alone: every A at rod's length of it
     for mode in modes:
         try:
-            skeleton = any_robot.skeleton(mode)
+            skeleton = chained_robot.skeleton(mode)
         except tp.PoseError:  # its own working mode cannot reach there
             continue
         rods = np.linalg.norm(skeleton[:, 1] - skeleton[:, 2], axis=1)
-        drawn = np.linalg.norm(points[0] - any_robot.skeleton(x)[:, 2], axis=1)
+        drawn = np.linalg.norm(points[0] - chained_robot.skeleton(x)[:, 2], axis=1)
         assert rods == pytest.approx(drawn, abs=1e-9)
 
 

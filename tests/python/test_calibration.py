@@ -80,9 +80,11 @@ def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
     robot = any_robot.with_sensors(*names)
     x = anywhere(robot, 100, rng)
     fit = tp.calibrate(robot, robot.sample(4).read(x))
+    carried = tuple(of.name for of in robot.spec.closure if of.base_body != "base")
     for axis in "xyz":
         base = (f".base.{axis}", f"axis1.origin.{axis}")  # of a pivot its first axis, too
-        moved = np.array([float(name.endswith(base)) for name in fit.names])
+        moves = [name.endswith(base) and not name.startswith(carried) for name in fit.names]
+        moved = np.array(moves, dtype=float)
         if moved.sum() < robot.n + bool(robot.spec.passive_axis):
             continue
         combination = np.linalg.solve(fit.prior_covariance, moved)
@@ -165,7 +167,9 @@ def test_other_sensors_keep_what_was_learnt(fit):
 def test_check_accepts_a_calibrated_file(fit, run, tmp_path):
     fit.robot.save(tmp_path / "mine.toml")
     status, out, err = run("check", "mine.toml")
-    assert (status, err) == (0, "") and out.startswith("mine.toml: delta, n = 3 motors, r = 3")
+    assert (status, err) == (0, "") and out.startswith(
+        "mine.toml: delta, n = 3 freedoms, m = 3 motors, r = 3"
+    )
     assert out.endswith("mine.toml: ok\n")
 
 

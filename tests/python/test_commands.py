@@ -21,7 +21,7 @@ def test_a_starter_file_of_every_kind_passes_the_check(run, name, tmp_path):
     status, out, err = run("check", "mine.toml")
     robot = tp.load(tmp_path / "mine.toml")
     assert (status, err) == (0, "")
-    assert out.startswith(f"mine.toml: mine, n = {robot.n} motors, r = {robot.r} sensors")
+    assert out.startswith(f"mine.toml: mine, n = {robot.n} freedoms, m = {robot.m} motors, r = ")
     assert f"{len(robot.parameters)} parameters" in out
     assert "readings at home: q1 = " in out and "reached and regular" in out
     assert robot.parameters == tp.load(name).parameters

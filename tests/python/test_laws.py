@@ -21,8 +21,8 @@ def read_wrong(robot: tp.Robot, reading: int, error: float) -> tp.Robot:
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(any_robot, law):
-    robot, size = any_robot, 1e-5
+def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(chained_robot, law):
+    robot, size = chained_robot, 1e-5
     if law != "joint" and robot.m + robot.r == robot.n:
         with refused(UNMEASURED):
             robot.cross_sensitivity(robot.home, law)
@@ -121,9 +121,9 @@ def test_a_robot_without_tolerances_weighs_by_counts_alone(h4, law):
 
 
 @pytest.mark.parametrize("law", ["cartesian", "weighted", "estimated"])
-def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, rng):
-    end = anywhere(any_robot, 1, rng)[0]
-    robot = any_robot.without_quantization()
+def test_every_robot_can_be_moved_on_all_its_readings(chained_robot, law, anywhere, rng):
+    end = anywhere(chained_robot, 1, rng)[0]
+    robot = chained_robot.without_quantization()
     if not robot.r:  # one of those that its file has
         robot = robot.with_sensors(*[sensor.name for sensor in robot.spec.sensor][:1])
     if robot.m + robot.r == robot.n:

@@ -31,7 +31,8 @@ def test_a_quarter_of_a_turn_leaves_no_rounding():
 
 def test_two_alternating_chains_stay_neighbours():
     motif = [{"base": [1, 0, 0], "arm": 1.0}, {"base": [2, 0, 0], "arm": [1.0, 2.0, 3.0]}]
-    chains = turned_copies(copies(motif, 3), 3, "z")
+    written = copies("chain", motif, 3)
+    chains = turned_copies("chain", [copy.table for copy in written], written, "z")
     assert [round(np.hypot(*c["base"][:2])) for c in chains] == [1, 2, 1, 2, 1, 2]
     assert [c["arm"] for c in chains] == [1, 1, 1, 2, 1, 3]
 

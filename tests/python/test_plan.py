@@ -317,13 +317,14 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
     robot = any_robot
     if slow:
         speeds = [{"speed_limit": 10.0 ** (k > 0)} for k in range(robot.m)]
-        chains = zip(robot.spec.chain, speeds, strict=True)
-        chain = tuple(one.model_copy(update=speed) for one, speed in chains)
-        robot = tp.Robot(robot.spec.model_copy(update={"chain": chain}))
+        motors = zip(robot.spec.motors, speeds, strict=True)
+        slow_ones = tuple(one.model_copy(update=speed) for one, speed in motors)
+        table = "chain" if robot.spec.chain else "motor"
+        robot = tp.Robot(robot.spec.model_copy(update={table: slow_ones}))
     x = anywhere(robot, 40, rng)
     x = x[np.isfinite(robot.ikm(x, "nan", "ideal")).all(axis=1)][:6]
     q = robot.ikm(np.vstack([robot.home, x]), level="ideal")
-    speed = np.array([chain.speed_limit for chain in robot.spec.chain], dtype=float)
+    speed = np.array([motor.speed_limit for motor in robot.spec.motors], dtype=float)
     speed = speed if np.isfinite(speed).all() else np.ptp(q, axis=0)
 
     def along(order):

@@ -18,15 +18,21 @@ WRITTEN = {"m": ("mm", 1e3), "rad": ("deg", 180 / math.pi)}
 
 def in_mm(data, bare):
     """Return a file's data with its lengths and angles in mm and degrees."""
-    whole = reading.written_out(data)[0]
+    whole, sources, _ = reading.written_out(data)
     units, motif = quantities.Units(whole), len(data.get("chain", ()))
 
     def unit(value, path):
         if not isinstance(value, float):
             return ""
-        if path[0] == "chain_defaults":
-            path = ("chain", 0, *path[1:])
-        if path[0] == "chain" and path[2] not in TURNED and len(path) > 3 + (path[2] in LISTS):
+        if path[0] in ("chain_defaults", "motor_defaults"):
+            path = (path[0].removesuffix("_defaults"), 0, *path[1:])
+        elif path[0] in sources:
+            path = (path[0], sources[path[0]].index(path[1]), *path[2:])  # the first copy
+        if (
+            path[0] == "chain"
+            and path[2] not in TURNED["chain"]
+            and len(path) > 3 + (path[2] in LISTS)
+        ):
             path = ("chain", path[1] + motif * path[3], path[2])  # a value for each copy
         return "".join(units(path))
 
@@ -183,7 +189,7 @@ def test_every_parameter_of_every_chain_has_its_unit_in_mm_and_degrees(name):
     text = text.partition("[tolerances]")[0]
     spec, _ = reading.examine(reading.table_of(text))
     text = in_mm_and_degrees(text)
-    robot = SimpleNamespace(spec=spec, coordinates=spec.coordinates)
+    robot = SimpleNamespace(spec=spec, coordinates=spec.coordinate_units)
     units = {parameter: unit_of(robot, parameter) for parameter in drawn(spec)}
     for table, form in (("tolerances", "{{ sigma = {} }}"), ("parameters", "{}")):
         lines = "\n".join(f"{parameter!r} = {form.format(0.02)}" for parameter in units)

@@ -30,19 +30,17 @@ def test_a_fit_says_what_it_rests_on_and_draws_every_parameter(h4, truth, table2
     assert [label.get_text() for label in axes.get_yticklabels()] == list(fit.names)
 
 
-def test_a_run_says_how_far_off_it_was_and_draws_that(any_robot):
-    run = tp.simulate(any_robot)
-    said = str(run)
-    assert said.startswith(
-        f"{any_robot.name} under {usual(any_robot)} control, 0.4 s, 401 periods: {run.status}"
-    )
-    total = summed(any_robot)
+def test_a_run_says_how_far_off_it_was_and_draws_that(chained_robot):
+    run = tp.simulate(chained_robot)
+    said, begin = str(run), f"{chained_robot.name} under {usual(chained_robot)} control, 0.4 s, "
+    assert said.startswith(f"{begin}401 periods: {run.status}")
+    total = summed(chained_robot)
     most = np.linalg.norm(run.error[:, total.columns], axis=1).max()
     assert f"{total.name}: {printed(most, total.unit, '.3g')} off at most" in said
-    assert ("turn: " in said) == any(unit == "rad" for _, unit in any_robot.coordinates)
+    assert ("turn: " in said) == any(unit == "rad" for _, unit in chained_robot.coordinates)
     lines = [line for axes in run.plot().axes for line in axes.lines if len(line.get_xdata()) > 2]
-    assert len(lines) == any_robot.n + 2 * any_robot.m  # of each torque its mean as well
-    drawn = PRINT[any_robot.coordinates[0][1]][0] * run.error[:, 0]
+    assert len(lines) == chained_robot.n + 2 * chained_robot.m  # of each torque its mean as well
+    drawn = PRINT[chained_robot.coordinates[0][1]][0] * run.error[:, 0]
     assert np.allclose(lines[0].get_ydata(), drawn)
 
 

@@ -8,11 +8,11 @@ import truepose as tp
 
 
 @pytest.fixture
-def moving(any_robot, anywhere, rng):
+def moving(chained_robot, anywhere, rng):
     """Return a robot, some of its poses, and twists and their derivatives there."""
-    x = anywhere(any_robot, 12, rng)
-    rate, acceleration = rng.uniform(-1, 1, (2, 12, any_robot.n))
-    return any_robot, x, rate, 5 * acceleration
+    x = anywhere(chained_robot, 12, rng)
+    rate, acceleration = rng.uniform(-1, 1, (2, 12, chained_robot.n))
+    return chained_robot, x, rate, 5 * acceleration
 
 
 def test_torques_and_accelerations_are_each_others_inverse(moving):

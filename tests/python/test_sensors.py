@@ -104,15 +104,15 @@ def carrying(robot, text, fits=lambda _: True):
 
 
 @pytest.fixture(params=[0.0, 0.02], ids=["centred", "eccentric"])
-def equipped(any_robot, rng, request):
+def equipped(chained_robot, rng, request):
     """Any of the robots, none of its axes exact, with every sensor that its mobility allows."""
-    flat = any_robot.spec.mobility in ("planar_translation", "planar")
-    turns = any_robot.spec.mobility in ("spatial", "rotational")
+    flat = chained_robot.spec.mobility in ("planar_translation", "planar")
+    turns = chained_robot.spec.mobility in ("spatial", "rotational")
     text = KINDS + (ON_NACELLE if turns else BEAM)
-    text += ON_AXIS if any_robot.spec.passive_axis else ""
-    text += AT_PIVOT if any_robot.spec.bar else ""
+    text += ON_AXIS if chained_robot.spec.passive_axis else ""
+    text += AT_PIVOT if chained_robot.spec.bar else ""
     robot = carrying(
-        any_robot, text, lambda s: not (flat and (s.kind == "rod_lateral" or s.name == "wrist"))
+        chained_robot, text, lambda s: not (flat and (s.kind == "rod_lateral" or s.name == "wrist"))
     )
     wobbles = [name for name in robot.parameters if ".eccentricity." in name]
     sizes = request.param * np.cos(np.arange(len(wobbles)))
@@ -194,21 +194,21 @@ def test_readings_are_what_geometry_says(h4):
     assert reading["wrist_lateral"] == pytest.approx(-2 * lateral)
 
 
-def test_an_inclinometer_reads_the_turn_about_its_axis(any_robot):
-    if any_robot.spec.mobility != "spatial":
+def test_an_inclinometer_reads_the_turn_about_its_axis(chained_robot):
+    if chained_robot.spec.mobility != "spatial":
         return
-    robot = carrying(any_robot, ON_NACELLE)
+    robot = carrying(chained_robot, ON_NACELLE)
     x = robot.home + np.array([0, 0, 0, 0.1, 0, 0])
     level, turn = robot.rkm(x) - robot.rkm(robot.home)
     assert level == pytest.approx(0.1, abs=1e-12)
     assert turn == pytest.approx(0.06, abs=1e-12)
 
 
-def test_an_inclinometer_reads_against_the_files_gravity(any_robot):
+def test_an_inclinometer_reads_against_the_files_gravity(chained_robot):
     """A robot that hangs from a wall and the same robot upright differ by the turn of the wall."""
-    if any_robot.spec.mobility != "spatial":
+    if chained_robot.spec.mobility != "spatial":
         return
-    upright = carrying(any_robot, ON_NACELLE)
+    upright = carrying(chained_robot, ON_NACELLE)
     c, s = np.cos(0.3), np.sin(0.3)  # the base is turned by 0.3 rad about x: gravity by -0.3
     spec = upright.spec.model_copy(update={"gravity": (0.0, -9.81 * s, -9.81 * c)})
     leaning = tp.Robot(spec)

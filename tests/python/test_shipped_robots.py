@@ -21,9 +21,9 @@ def corners_and_inside(box, count, rng):
     return np.where((np.arange(count) % 2)[:, None], corner, inside)
 
 
-def test_fifteen_robots_are_shipped():
+def test_twenty_robots_are_shipped():
     names = "h4 par4 delta linear-delta stewart jugglebot hexa hexaglide five-bar 3rpr 3rrr"
-    names += " g1-ankle x1-ankle neck 4rrr"
+    names += " g1-ankle x1-ankle neck 4rrr 3rps 3prs exechon tricept spherical"
     assert set(tp.list_robots()) == set(names.split())
 
 
@@ -87,6 +87,11 @@ def test_parameters_are_named_as_the_interface_promises(any_robot):
     for number in range(1, len(any_robot.spec.passive_axis) + 1):
         vectors = ("origin", "direction")
         assert {f"axis{number}.{v}.{c}" for v in vectors for c in "xyz"} <= names
+    for closure in any_robot.spec.closure:
+        assert {f"{closure.name}.{v}.{c}" for v in ("base", "anchor") for c in "xyz"} <= names
+        assert (f"{closure.name}.length" in names) == (closure.length is not None)
+    for body in any_robot.spec.body:
+        assert (f"{body.name}.zero" in names) == (body.joint in ("slide", "hinge"))
 
 
 def test_every_tolerance_acts(any_robot):

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from fixtures import CHAINED
 
 import truepose as tp
 from truepose import logs
@@ -15,7 +16,7 @@ def rows(said: str, name: str = "errors") -> dict[str, dict]:
 
 
 @pytest.mark.parametrize("effects", ["none", "all"])
-@pytest.mark.parametrize("name", tp.list_robots())
+@pytest.mark.parametrize("name", CHAINED)
 def test_every_robot_makes_a_move_at_the_defaults_and_rests(run, name, effects):
     status, said, err = run("simulate", name, "--effects", effects, "--format", "json")
     assert status == 0 and err.endswith("true robot sampled with seed 0: ok\n")

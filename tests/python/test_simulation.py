@@ -119,9 +119,9 @@ def weak(h4) -> tp.Robot:
     return h4.with_each("chain", lambda _: {"torque_limit": 9.0})
 
 
-def test_every_robot_makes_its_default_move_and_comes_to_rest(any_robot):
-    run = tp.simulate(any_robot)
-    box = any_robot.spec.workspace
+def test_every_robot_makes_its_default_move_and_comes_to_rest(chained_robot):
+    run = tp.simulate(chained_robot)
+    box = chained_robot.spec.workspace
     assert run.status == "ok" and not run.saturated.any()
     assert np.ptp(run.x_d, axis=0).max() > 0.01
     assert ((box.minimum <= run.x_d[-1]) & (run.x_d[-1] <= box.maximum)).all()

@@ -51,9 +51,9 @@ def loaded(robot):
 
 @pytest.mark.parametrize("level", LEVELS)
 def test_the_forward_model_undoes_the_inverse_one_under_load(
-    any_robot, level, anywhere, rng, count
+    chained_robot, level, anywhere, rng, count
 ):
-    robot = loaded(at_level(any_robot, level))
+    robot = loaded(at_level(chained_robot, level))
     x = anywhere(robot, min(count, 2000), rng)
     q = robot.ikm(x, errors="nan")
     good = np.isfinite(q).all(axis=1)
@@ -67,8 +67,8 @@ def test_the_forward_model_undoes_the_inverse_one_under_load(
         assert found.chi2 == pytest.approx(0, abs=1e-9)
 
 
-def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng):
-    robot = loaded(any_robot)
+def test_a_chain_under_tension_is_one_with_longer_rods(chained_robot, anywhere, rng):
+    robot = loaded(chained_robot)
     x = anywhere(robot, 5, rng)
     for pose, pull in zip(x, robot.rod_forces(x, errors="nan"), strict=True):
         if not np.isfinite(pull).all():
@@ -87,8 +87,10 @@ def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng)
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_derivatives_by_compliance_are_those_of_finite_differences(any_robot, level, anywhere, rng):
-    robot = loaded(at_level(any_robot, level))
+def test_derivatives_by_compliance_are_those_of_finite_differences(
+    chained_robot, level, anywhere, rng
+):
+    robot = loaded(at_level(chained_robot, level))
     x = anywhere(robot, 10, rng)
     x = x[np.isfinite(robot.extended_positions(x, "nan")).all(axis=1)]
     _, H_xi = robot.linearize(x)
@@ -285,9 +287,9 @@ def test_a_wrong_word_of_stretch_is_refused(load, delta, added):
     assert SPOILT[added] in str(error.value)
 
 
-def test_a_file_that_says_nothing_of_stretch_has_no_parameter_of_it(any_robot):
-    assert not any(name.endswith("compliance") for name in any_robot.parameters)
-    assert not any_robot.is_compliant and any_robot.stiff == any_robot
+def test_a_file_that_says_nothing_of_stretch_has_no_parameter_of_it(chained_robot):
+    assert not any(name.endswith("compliance") for name in chained_robot.parameters)
+    assert not chained_robot.is_compliant and chained_robot.stiff == chained_robot
 
 
 def test_a_load_is_saved(tmp_path, delta):

@@ -45,27 +45,27 @@ def refused(robot):
     return True
 
 
-def test_every_robot_has_a_configuration_whose_joints_are_home_and_within_its_stops(any_robot):
-    if refused(any_robot):
+def test_every_robot_has_a_configuration_whose_joints_are_home_and_within_its_stops(chained_robot):
+    if refused(chained_robot):
         return
-    made = configuration(any_robot)
+    made = configuration(chained_robot)
     assert sorted(made) == NAMES
     said = ini(made)
-    assert said["KINS"]["JOINTS"] == str(any_robot.n)
-    home = any_robot.ikm(any_robot.home)
-    for i, chain in enumerate(any_robot.spec.chain):
+    assert said["KINS"]["JOINTS"] == str(chained_robot.n)
+    home = chained_robot.ikm(chained_robot.home)
+    for i, chain in enumerate(chained_robot.spec.chain):
         joint = said[f"JOINT_{i}"]
         shown = np.degrees(1) if chain.actuator == "revolute" else 1e3
         assert float(joint["HOME"]) == pytest.approx(shown * home[i], rel=1e-15)
         assert float(joint["MIN_LIMIT"]) < float(joint["HOME"]) < float(joint["MAX_LIMIT"])
         assert 0 < float(joint["MIN_FERROR"]) < float(joint["FERROR"])
-    assert len(said["TRAJ"]["COORDINATES"].split()) == any_robot.n
+    assert len(said["TRAJ"]["COORDINATES"].split()) == chained_robot.n
 
 
-def test_the_components_pins_in_the_hal_file_are_those_that_they_make(any_robot):
-    if refused(any_robot):
+def test_the_components_pins_in_the_hal_file_are_those_that_they_make(chained_robot):
+    if refused(chained_robot):
         return
-    made = configuration(any_robot)["robot.hal"]
+    made = configuration(chained_robot)["robot.hal"]
     used = set(re.findall(r"\btruepose_\w+\.[\w.-]+", made))
     there = set()
     for path in SOURCES.glob("truepose_*.c"):
@@ -127,14 +127,16 @@ def test_a_law_of_redundant_sensors_is_refused_for_a_robot_without(run, law):
     assert not Path("here").exists()
 
 
-def test_an_exported_robot_with_sensors_is_monitored_and_motion_reads_what_the_law_holds(any_robot):
-    if refused(any_robot):
+def test_an_exported_robot_with_sensors_is_monitored_and_motion_reads_what_the_law_holds(
+    chained_robot,
+):
+    if refused(chained_robot):
         return
-    made = configuration(any_robot)
+    made = configuration(chained_robot)
     said = ini(made)["TRUEPOSE"]
-    assert (said["MONITOR"] == "1") == bool(any_robot.r)
-    assert (float(said["LARGEST_CHI2"]) > 0) == bool(any_robot.r)
-    for i in range(any_robot.n):
+    assert (said["MONITOR"] == "1") == bool(chained_robot.r)
+    assert (float(said["LARGEST_CHI2"]) > 0) == bool(chained_robot.r)
+    for i in range(chained_robot.n):
         fed = rf"truepose_tej\.{i}\.pid-fb => pid\.{i}\.feedback joint\.{i}\.motor-pos-fb\n"
         assert re.search(fed, made["robot.hal"])
 

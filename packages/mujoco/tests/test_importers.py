@@ -9,7 +9,7 @@ import truepose as tp
 from truepose import robotfile
 from truepose.commands.robots import remarks
 from truepose.exceptions import InputError
-from truepose_mujoco.importers import from_mjcf, from_urdf, pivot_of
+from truepose_mujoco.importers import from_mjcf, from_urdf, robot_of
 
 # A shank that itself moves, two axes that do not meet, two cranks, two rods: one hangs on its crank
 # by two hinges about one point, the other on the foot. Sites are where the rods end; one loop is
@@ -60,7 +60,7 @@ def model(tmp_path):
 
     def made(text, body="foot"):
         (tmp_path / "leg.xml").write_text(text)
-        return tp.Robot(pivot_of(from_mjcf(tmp_path / "leg.xml"), body)[0])
+        return tp.Robot(robot_of(from_mjcf(tmp_path / "leg.xml"), body)[0])
 
     return made
 
@@ -169,7 +169,7 @@ WRONG = {
             '<connect name="loop1" site1="end1" site2="A1"/>',
             "",
         ),
-        "foot: 2 passive axes, 1 rods with motors: must be equal",
+        "foot: 2 freedoms, 1 motors with a rod or leg: too few motors",
     ),
     "a passive axis that is driven": (
         ('<motor joint="motor2"/>', '<motor joint="motor2"/><motor joint="ankle-roll"/>'),
@@ -227,7 +227,7 @@ def test_a_motor_beyond_its_limit_wherever_it_could_stand_is_refused(tmp_path, r
     status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
     assert (status, out) == (2, "") and not (tmp_path / "x.toml").exists()
     assert err == (
-        "truepose: error: leg.xml: foot: no home at the model's pose, zero or mid-range: "
+        "truepose: error: leg.xml: foot: no home at the model's pose, zero, mid-range: "
         "home = [0.0, 0.0]: beyond a joint limit, chain 1: 0.239714 of [-0.2, 0.2]\n"
     )
 
@@ -306,7 +306,7 @@ def neck(tmp_path):
     def made(urdf=URDF, loops=LOOPS):
         (tmp_path / "neck.urdf").write_text(urdf)
         (tmp_path / "neck.yaml").write_text(loops)
-        return pivot_of(from_urdf(tmp_path / "neck.urdf", tmp_path / "neck.yaml"), "head")[0]
+        return robot_of(from_urdf(tmp_path / "neck.urdf", tmp_path / "neck.yaml"), "head")[0]
 
     return made
 

@@ -175,9 +175,9 @@ def test_any_belts_may_be_the_motors(tmp_path):
 # Influences on readings.
 
 
-def test_the_tension_of_rods_is_the_work_of_a_longer_one(any_robot, anywhere, rng):
+def test_the_tension_of_rods_is_the_work_of_a_longer_one(chained_robot, anywhere, rng):
     """By finite differences: a rod longer by dL, motors held, moves the nacelle against F."""
-    robot = any_robot.with_sensors()
+    robot = chained_robot.with_sensors()
     x = anywhere(robot, 3, rng)
     force = np.array([3.0, -2.0, 5.0])
     pull = tension(robot, x, force)

@@ -45,11 +45,11 @@ def state(h4):
 
 
 @pytest.fixture
-def somewhere(any_robot, rng):
+def somewhere(chained_robot, rng):
     """Return any robot's state, drawn from its tolerances, in its workspace."""
-    box = any_robot.spec.workspace
-    x = any_robot.home + 0.3 * (rng.uniform(box.minimum, box.maximum) - any_robot.home)
-    return begin(any_robot).with_drawn_errors(seed=2).sent(x)
+    box = chained_robot.spec.workspace
+    x = chained_robot.home + 0.3 * (rng.uniform(box.minimum, box.maximum) - chained_robot.home)
+    return begin(chained_robot).with_drawn_errors(seed=2).sent(x)
 
 
 def test_a_nacelle_goes_to_where_it_is_dragged_and_its_motors_with_it(somewhere):
@@ -115,22 +115,22 @@ def test_sensors_are_read_in_the_files_order_and_no_more_than_fit(h4, state):
         crowded.with_sensors([sensor.name for sensor in many.sensor])
 
 
-def test_every_parameter_has_a_slider_that_reaches_its_tolerance(any_robot):
-    found = groups(any_robot)
-    spare = {sensor.name for sensor in any_robot.spec.sensor} - {*any_robot.sensors}
+def test_every_parameter_has_a_slider_that_reaches_its_tolerance(chained_robot):
+    found = groups(chained_robot)
+    spare = {sensor.name for sensor in chained_robot.spec.sensor} - {*chained_robot.sensors}
     assert [name for names in found.values() for name in names] == [
-        name for name in any_robot.parameters if name.split(".")[0] not in spare
+        name for name in chained_robot.parameters if name.split(".")[0] not in spare
     ]
-    for name, p in any_robot.parameters.items():
-        reach = error_range(any_robot, name)
+    for name, p in chained_robot.parameters.items():
+        reach = error_range(chained_robot, name)
         assert reach > 0
         assert reach >= 3 * p.sigma
 
 
-def test_home_is_within_the_sliders(any_robot):
+def test_home_is_within_the_sliders(chained_robot):
     for values, ends in (
-        (any_robot.home, pose_range(any_robot)),
-        (any_robot.ikm(any_robot.home), motor_range(any_robot)),
+        (chained_robot.home, pose_range(chained_robot)),
+        (chained_robot.ikm(chained_robot.home), motor_range(chained_robot)),
     ):
         assert ((ends[:, 0] <= values) & (values <= ends[:, 1])).all()
         assert (ends[:, 0] < ends[:, 1]).all()
@@ -669,12 +669,12 @@ def test_in_a_browser_keys_choose_sensors_and_every_control_has_a_name(
     seen.close()
 
 
-def test_a_handle_shifts_or_turns_what_is_free(any_robot):
+def test_a_handle_shifts_or_turns_what_is_free(chained_robot):
     added = []
     scene = Scene.__new__(Scene)
     add = lambda path, *_, **__: added.append(path)  # noqa: E731
     scene._server = SimpleNamespace(scene=SimpleNamespace(add_transform_controls=add))
     scene._size = 1.0
-    scene._add_gizmos(begin(any_robot))
-    units = {unit for _, unit in any_robot.coordinates}
+    scene._add_gizmos(begin(chained_robot))
+    units = {unit for _, unit in chained_robot.coordinates}
     assert set(added) == {{"m": "/shift", "rad": "/turn"}[unit] for unit in units}

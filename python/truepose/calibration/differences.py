@@ -177,10 +177,10 @@ def assemble(
     """
     if not differences:
         return None
-    if robot.spec.passive_axis:
+    if not robot.spec.framed:
         raise InputError(
-            f"{robot.name}: measured differences need lengths among the coordinates: a "
-            "rotational platform has only angles"
+            f"{robot.name}: measured differences need lengths among the coordinates, and a frame: "
+            f"a {robot.spec.mobility} platform has none"
         )
     unknowns: list[tuple[str, float, float]] = []  #: name, mean, σ
 

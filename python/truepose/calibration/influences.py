@@ -116,7 +116,8 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     0.02
     """
     moved = numbers_like("sigma", sigma, (robot.m,), "0 or greater")
-    zeros = {f"chain{number}.encoder_offset": float(by) for number, by in enumerate(moved, start=1)}
+    names = [robot.spec.of_motor(i, "encoder_offset") for i in range(robot.m)]
+    zeros = dict(zip(names, moved.tolist(), strict=True))
     return relaxed(robot, zeros, "homed anew")
 
 

@@ -66,7 +66,7 @@ class Registration:
     def sigma(self, robot: Robot, measured: Array) -> Array:
         """Return σ of the unknowns, (12,); 0 if known or without effect on the measurements."""
         result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
-        if robot.spec.passive_axis:  # rotational platform: angles need no frame
+        if not robot.spec.framed:
             return np.zeros_like(result)
         if "z" not in dict(robot.coordinates):  # in a plane
             result[[2, 3, 4, 8]] = 0.0

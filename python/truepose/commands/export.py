@@ -62,6 +62,7 @@ def c(
     Example: **truepose export c calibrated.toml -o my_robot.h**
     """
     made = options.load_with(robot, sensors)
+    made.require_chains("C tables")
     if level is not None:
         made = made.with_level(level)
     loses = options.effects_of(effects)

@@ -95,16 +95,17 @@ def command(
     found = detectability(subject, at, visited, level, false_alarm=false_alarm, effects=allowed)
     if effects != "none":
         found = replace(found, state=f"{found.state}, effects {effects}")
+    # A fault's change of the motors' torques needs dynamics.
+    undetected = [undetected_motors(found, at)] if loaded.spec.chain else []
     if not loaded.r:
         tables = [] if how is Format.table else [found.table()]
-        show([*tables, undetected_motors(found, at)], how, [without_sensors(loaded)])
+        show([*tables, *undetected], how, [without_sensors(loaded)])
         return
     write(plot=found.plot)
-    undetected = undetected_motors(found, at)
     where = f"{options.over(at, poses, left_out)}; {found.state}."
     answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
-    answers = [answer, worst_of(undetected)]
-    show([found.table(), undetected, *harm(found)], how, answers, list(notes(found)), (plot,))
+    answers = [answer, *map(worst_of, undetected)]
+    show([found.table(), *undetected, *harm(found)], how, answers, list(notes(found)), (plot,))
 
 
 def without_sensors(robot: Robot) -> str:

@@ -52,7 +52,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     """Return name and value of each figure: mm and degrees in the text, SI in the data."""
     spec, box = robot.spec, workspace(robot)
     spare = [sensor.name for sensor in spec.sensor if sensor.name not in robot.sensors]
-    actuators = Counter(chain.actuator for chain in spec.chain)
+    actuators = Counter(spec.actuators)
     result = [
         ("mobility", spec.mobility),
         ("degrees of freedom n", Cell(str(robot.n), robot.n)),

@@ -101,12 +101,12 @@ def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
     result = logs.writing.readings(ran.truth, ran.q_e)
     if ran.measured is None:
         return result
-    unit, what = "m", "{} of a marker on the platform, in the tracker's frame"
-    if ran.truth.spec.mobility == "rotational":
-        unit, what = "rad", "{}, measured externally"
+    what = "{} of a marker on the platform, in the tracker's frame"
+    if not ran.truth.spec.framed:
+        what = "{}, measured externally"
     return result + [
         logs.writing.Column("measured", f"measured_{name}", unit, what.format(name), values)
-        for (name, _), values in zip(ran.truth.coordinates, ran.measured.T, strict=False)
+        for (name, unit), values in zip(ran.truth.coordinates, ran.measured.T, strict=False)
     ]
 
 

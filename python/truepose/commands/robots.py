@@ -21,7 +21,7 @@ from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import reading_units
 from truepose.robot.workspace import reach, told, workspace_grid
 from truepose.robotfile import reading, toml_lines
-from truepose.robotfile.base import Problem, tables
+from truepose.robotfile.base import Problem
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import printed
@@ -43,7 +43,7 @@ def list_command(how: options.How = Format.table) -> None:
 def _row(name: str, robot: Robot) -> list[str]:
     spec = robot.spec
     coordinates = [coordinate for coordinate, _ in robot.coordinates]
-    motors = Counter(chain.actuator for chain in spec.chain)
+    motors = Counter(spec.actuators)
     spare = [sensor.name for sensor in spec.sensor if sensor.name not in robot.sensors]
     freedoms = {"n": robot.n, "mobility": spec.mobility, "coordinates": " ".join(coordinates)}
     freedoms |= {"numbers from": spec.source}
@@ -143,8 +143,8 @@ def check_command(
 def _summary(robot: Robot) -> str:
     sensors = ", ".join(robot.sensors) or "none"
     return (
-        f"{robot.name}, n = {robot.m} motors, r = {robot.r} sensors in use ({sensors}), "
-        f"{len(robot.parameters)} parameters"
+        f"{robot.name}, n = {robot.n} freedoms, m = {robot.m} motors, r = {robot.r} "
+        f"sensors in use ({sensors}), {len(robot.parameters)} parameters"
     )
 
 
@@ -159,9 +159,7 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{line[1] if line else max(last, 1)}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data)
-    motif = len(tables(data, "chain"))
-    written = ((reading.where_written(p.path, data, motif), p.text) for p in problems)
-    found = {(toml_lines.nearest(where, at), shortened(t, reading.LINE)) for at, t in written}
+    found = {(toml_lines.nearest(where, at), shortened(t, reading.LINE)) for at, t in problems}
     return robot, [f"{path}:{line}: {what}" for line, what in sorted(found)]
 
 

@@ -175,7 +175,7 @@ def faults(robot: Robot, names: Sequence[str]) -> list[Change]:
 
 def reading_offsets(robot: Robot) -> list[str]:
     """Return the parameters that shift each reading, (n + r) names."""
-    motors = [f"chain{k + 1}.encoder_offset" for k in range(robot.m)]
+    motors = [robot.spec.of_motor(k, "encoder_offset") for k in range(robot.m)]
     return [*motors, *(f"{name}.offset" for name in robot.sensors)]
 
 

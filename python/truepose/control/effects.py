@@ -12,7 +12,8 @@ from truepose import _core
 from truepose.arguments import check_seed, finite
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
-from truepose.robotfile.schema import Chain, Tolerance
+from truepose.robotfile.chains import Chain
+from truepose.robotfile.schema import Tolerance
 from truepose.robotfile.to_core import PAIRED
 
 #: Friction of a motor whose file has none, over its torque limit (assumed).

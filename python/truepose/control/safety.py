@@ -16,7 +16,7 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot.laws import usual
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-from truepose.robotfile.schema import Chain
+from truepose.robotfile.chains import Chain
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 

@@ -67,6 +67,7 @@ def to_c(
     fault monitor. The controller's gains are placed at home. Multirate and delayed sensors make a
     ``NAME_multirate``. Raises InputError for an invalid name.
     """
+    robot.require_chains("C tables")
     name = named(robot, name)
     finest = robot.at_highest_level
     two = robot.r > 0 and finest.level != robot.level

@@ -16,7 +16,7 @@ def tour(robot: Robot, poses: Array) -> list[int]:
     """
     stops = np.vstack([robot.home, np.reshape(poses, (-1, robot.n))])
     q = robot.ikm(stops, level="ideal")
-    fastest = np.array([chain.speed_limit for chain in robot.spec.chain], dtype=float)
+    fastest = np.array([motor.speed_limit for motor in robot.spec.motors], dtype=float)
     span = np.ptp(q, axis=0)
     speed = fastest if np.isfinite(fastest).all() else np.where(span > 0, span, 1.0)
     D = np.abs((q[:, None] - q) / speed).max(axis=-1)

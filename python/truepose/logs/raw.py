@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-from truepose.robotfile.to_core import encoder_step
+from truepose.robotfile.to_core import encoder_steps
 
 UNITS = ("counts", "steps", "turns")
 _LENGTHS = {"m": 1.0, "mm": 1e-3}
@@ -40,8 +40,9 @@ def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: 
         return value
     turns = column.endswith("_turns")
     if at < robot.m:
-        chain, part = robot.spec.chain[at], f"chain {at + 1}"
-        key, file = ("lead", chain.lead) if turns else ("encoder_counts", encoder_step(chain))
+        part = f"chain {at + 1}" if robot.spec.chain else f"motor {name}"
+        lead, step = robot.spec.motors[at].lead, encoder_steps(robot.spec)[at]
+        key, file = ("lead", lead) if turns else ("encoder_counts", step)
     else:  # no key of a sensor has turns
         part, key = f"sensor {name}", "" if turns else "counts or resolution"
         file = robot.spec.used[at - robot.m].step if key else None

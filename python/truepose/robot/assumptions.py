@@ -12,15 +12,17 @@ from truepose.robot.knowledge import EXACT
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units, unit_of
 from truepose.robotfile.base import is_compliance
+from truepose.robotfile.chains import Chain
+from truepose.robotfile.mechanism import Closure
 from truepose.robotfile.schema import RobotFile, Tolerance
-from truepose.robotfile.to_core import drawn, encoder_step
+from truepose.robotfile.to_core import drawn, encoder_steps
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import measured
 
 #: Largest plausible share of σ in its length, of an angle in a radian, of a gain in 1.
 SHARE = 0.1
 #: Lengths; 3 σ of a positive length must leave some of it.
-_LENGTHS, _LEAST = (".arm", ".rod", ".pivot", ".rod_spacing"), 3
+_LENGTHS, _LEAST = (".arm", ".rod", ".length", ".pivot", ".rod_spacing"), 3
 #: Vectors whose components are compared with its length.
 _POINTS = ("base", "anchor", "origin", "target")
 
@@ -29,8 +31,8 @@ def exact_readings(robot: Robot, every: bool = False) -> list[str]:
     """Return the readings without counts, noise or backlash; `every`: of all the file's sensors."""
     spec = robot.spec
     parts = [
-        (f"q{k}", encoder_step(chain), chain.encoder_noise, chain.backlash)
-        for k, chain in enumerate(spec.chain, 1)
+        (f"q{k}", step, motor.encoder_noise, motor.backlash)
+        for k, (step, motor) in enumerate(zip(encoder_steps(spec), spec.motors, strict=True), 1)
     ]
     sensors = spec.sensor if every else spec.used
     parts += [(one.name, one.step, one.noise, one.backlash) for one in sensors]
@@ -98,9 +100,12 @@ def spreads(robot: Robot) -> list[Spread]:
 def size(spec: RobotFile) -> float:
     """Return the largest length of a robot, m."""
     lengths = [c for chain in spec.chain for c in (chain.arm, chain.rod) if c]
-    points = [p for chain in spec.chain for p in (chain.base, chain.anchor)]
-    position = [v for v, (_, unit) in zip(spec.home, spec.coordinates, strict=True) if unit == "m"]
-    return max(*lengths, *(math.hypot(*p) for p in points), math.hypot(*position))
+    lengths += [closure.length for closure in spec.closure if closure.length]
+    parts: tuple[Chain | Closure, ...] = (*spec.chain, *spec.closure)
+    points = [p for part in parts for p in (part.base, part.anchor)]
+    at_home = zip(spec.home, spec.coordinate_units, strict=True)
+    position = [v for v, (_, unit) in at_home if unit == "m"]
+    return max((*lengths, *(math.hypot(*p) for p in points), math.hypot(*position)))
 
 
 def _scale(robot: Robot, nominal: dict[str, float], name: str) -> float:

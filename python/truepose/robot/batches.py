@@ -93,7 +93,8 @@ def require_answers(
         return
     k = int(np.flatnonzero(status > 0)[0])
     index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
-    reason = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
+    named = explain.part(robot.spec, int(status[k]), int(chain[k])) if chain[k] >= 0 else ""
+    reason = f"{named}: " if named else ""
     reason += _core.describe(int(status[k]))
     if status[k] == _core.joint_limit:
         full, motor = robot.is_full(level), int(chain[k])

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level, finite, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
-from truepose.robot import explain
+from truepose.robot import explain, flaws
 from truepose.robotfile.base import ARMS, COMMON, is_compliance
 from truepose.robotfile.consistency import wrong_value
 from truepose.robotfile.schema import (
@@ -23,7 +23,7 @@ from truepose.robotfile.schema import (
     RobotFile,
     Tolerance,
 )
-from truepose.robotfile.to_core import build, columns, drawn, encoder_step
+from truepose.robotfile.to_core import build, columns, drawn, encoder_steps
 
 
 class Parameter(NamedTuple):
@@ -56,7 +56,7 @@ class Description:
         self.r: Final = len(spec.sensors)  #: number of redundant sensors in use
         #: Names of the extended positions q_e: q1 … qm, then the sensors in use.
         self.readings: Final = (*(f"q{i + 1}" for i in range(spec.m)), *spec.sensors)
-        self.coordinates: Final = spec.coordinates  #: name and unit of each coordinate of x
+        self.coordinates: Final = spec.coordinate_units  #: name and unit of each coordinate of x
         #: Default kinematics level: ideal, or as set by file, calibration or :meth:`with_level`.
         self.level: Final[Level] = spec.level or "ideal"
         self._nominal = drawn(spec)
@@ -65,6 +65,8 @@ class Description:
             raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self.core_drawn = build(spec)
         self.core_drawn.level = getattr(_core.Level, self.level)
+        if spec.mobility == "mechanism" and (why := flaws.of_mechanism(self.core_drawn, spec)):
+            raise RobotFileError(f"{spec.name}: {why}")
         self.core_drawn.finish()
         self._columns = columns(spec)
         self._take(self._nominal | spec.parameters | (values or {}))
@@ -82,6 +84,14 @@ class Description:
             raise RobotFileError(f"{self.name}: {why}")
         if self.level == "full" and not self.full:
             raise RobotFileError(f"{self.name}: level = 'full': {self.full.reason}")
+
+    def require_chains(self, what: str) -> None:
+        """Raise InputError for a mechanism of bodies and closures, which has no such model."""
+        if self.spec.mobility == "mechanism":
+            raise InputError(
+                f"{self.name}: {what}: not for a mechanism of bodies and closures; it has "
+                "kinematics, accuracy, calibration, estimates, design and plans of poses"
+            )
 
     def __setattr__(self, name: str, value: object) -> None:
         if name in self.__dict__:
@@ -181,9 +191,9 @@ class Description:
         return type(self)(self.spec.model_copy(update=keys), own)
 
     def with_each(
-        self, table: Literal["chain", "sensor"], change: Callable[[Any], dict[str, Any]]
+        self, table: Literal["chain", "motor", "sensor"], change: Callable[[Any], dict[str, Any]]
     ) -> Self:
-        """Return a copy with other keys of every chain or sensor: those that `change` returns.
+        """Return a copy with other keys of every part of a table: those that `change` returns.
 
         As :meth:`with_file`.
 
@@ -207,9 +217,8 @@ class Description:
     @property
     def resolution(self) -> Array:
         """One count of every reading, shape (n + r,); 0 where unquantized."""
-        steps = [encoder_step(chain) for chain in self.spec.chain]
-        steps += [sensor.step for sensor in self.spec.used]
-        return np.array(steps) * self.spec.quantized
+        steps = [sensor.step for sensor in self.spec.used]
+        return np.array(encoder_steps(self.spec) + steps) * self.spec.quantized
 
     @property
     def reading_sigma(self) -> Array:
@@ -227,13 +236,13 @@ class Description:
     @property
     def noise(self) -> Array:
         """σ of every reading's noise, shape (n + r,)."""
-        noise = [part.encoder_noise for part in self.spec.chain]
+        noise = [motor.encoder_noise for motor in self.spec.motors]
         return np.array(noise + [sensor.noise for sensor in self.spec.used])
 
     @property
     def backlash(self) -> Array:
         """Whole width of every reading's backlash, shape (n + r,)."""
-        return np.array([part.backlash for part in (*self.spec.chain, *self.spec.used)])
+        return np.array([part.backlash for part in (*self.spec.motors, *self.spec.used)])
 
     @property
     def torque_limit(self) -> Array:
@@ -412,6 +421,7 @@ class Description:
         >>> print(f"{1e6 * lower:.1f} µm")
         -24.0 µm
         """
+        self.require_chains("a payload")
         table = self.spec.compliance or Compliance()
         load = {"load": _vector("load", force, "N")}
         return self.with_file(compliance=table.model_copy(update=load))
@@ -437,7 +447,12 @@ class Description:
         robot = self
         if (backlash := keys.pop("backlash", None)) is not None:
             finite("backlash", backlash, 0)
-            robot = self.with_each("chain", lambda _: {"backlash": float(backlash)})
+            motors: Literal["chain", "motor"] = "chain" if self.spec.chain else "motor"
+            robot = self.with_each(motors, lambda _: {"backlash": float(backlash)})
+        if keys:
+            self.require_chains(f"conditions ({', '.join(keys)})")
+        elif not self.spec.chain:
+            return robot
         own = (self.spec.conditions or Conditions()).model_dump()
         section = robotfile.reading.section(Conditions, "conditions", own | keys, self.name)
         return robot.with_file(conditions=section)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
 from truepose.robot.kinematics import Kinematics
+from truepose.robot.mechanism_parts import mechanism_parts
 from truepose.robot.parts import COLOURS, Part, parts_of
 
 _MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
@@ -19,9 +20,13 @@ _MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
 def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> None:
     """Draw a robot at a pose x, (n,), home by default; a planar robot in its plane."""
     x = robot.home if x is None else numbers_of(x, "x")
-    points = robot.skeleton(x)
     planar = robot.spec.mobility.startswith("planar")
-    parts = parts_of(robot, points, x)
+    if robot.spec.chain:
+        points = robot.skeleton(x)
+        parts = parts_of(robot, points, x)
+        places = _places(robot, points, parts, planar)
+    else:
+        parts, places = mechanism_parts(robot, x)
     if isinstance(figure, Figure):
         figure.set_layout_engine("none")
         figure.set_size_inches(6.4 if planar else 7.2, 5.0)
@@ -35,7 +40,7 @@ def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> N
         _frame(axes, 1e3 * np.vstack([where for _, where, _ in parts]))
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
     _show(axes, parts, planar)
-    for k, place in enumerate(_places(robot, points, parts, planar)):
+    for k, place in enumerate(places):
         axes.text(
             *(1e3 * place[: 2 if planar else 3]),
             str(k + 1),

@@ -7,6 +7,7 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
+from truepose.robot import flaws
 from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
 
@@ -46,11 +47,18 @@ def full_level(robot: _core.Robot) -> FullLevel:
     return FullLevel(exists, reason)
 
 
-def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> str:
-    """Explain in one line why the inverse model or the Jacobian at home fails (status, chain)."""
+def at_home(
+    robot: _core.Robot, spec: RobotFile, failure: tuple[int, int], held: float = _HELD
+) -> str:
+    """Explain in one line why the inverse model or the Jacobian at home fails (status, chain).
+
+    Motions of a singular value below `held` times the largest are called unconstrained.
+    """
     status, chain = failure
+    if spec.mobility == "mechanism" and status != _core.joint_limit:
+        return flaws.at_home(robot, spec, status, chain)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
-    words += f", chain {chain + 1}" if chain >= 0 else ""
+    words += f", {part(spec, status, chain)}" if chain >= 0 else ""
     if status == _core.unreachable:
         gap = robot.shortfall(chain)
         words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
@@ -64,9 +72,14 @@ def at_home(robot: _core.Robot, spec: RobotFile, failure: tuple[int, int]) -> st
         words += f": {_not_turned(robot, spec)}"
     elif status == _core.singular:
         rows = robot.rod_rows(False)
-        free = _not_held(rows, [name for name, _ in spec.coordinates])
+        free = _not_held(rows, [name for name, _ in spec.coordinate_units], held)
         words += f": the chains do not constrain the platform against {free}"
     return words
+
+
+def part(spec: RobotFile, status: int, k: int) -> str:
+    """Name the part in an outcome: a chain, or of a mechanism a closure or a motor."""
+    return flaws.part(spec, status, k) if spec.mobility == "mechanism" else f"chain {k + 1}"
 
 
 def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool = False) -> str:
@@ -78,7 +91,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
                 return f"of axis {axis.name}: {angle:.6g} of [{low:.6g}, {high:.6g}]"
     q, _, _ = _core.ikm(robot.without_limits(), np.ascontiguousarray(x[None]), full)
     position = robot.motor_position(chain, q[0, chain])
-    low, high = spec.chain[chain].limits or (-np.inf, np.inf)
+    low, high = spec.motors[chain].limits or (-np.inf, np.inf)
     return f"{position:.6g} of [{low:.6g}, {high:.6g}]"
 
 
@@ -100,7 +113,7 @@ def _not_turned(robot: _core.Robot, spec: RobotFile) -> str:
     return f"the motors do not constrain the platform against turning by {' : '.join(turned)}"
 
 
-def _not_held(rows: Array, names: list[str]) -> str:
+def _not_held(rows: Array, names: list[str], held: float = _HELD) -> str:
     """Describe the motions that change no rod's length, each in few coordinates."""
     turns = np.array([name not in ("x", "y", "z") for name in names])
     sizes = np.linalg.norm(rows, axis=0)
@@ -108,7 +121,7 @@ def _not_held(rows: Array, names: list[str]) -> str:
     scale = np.where(turns, length or 1.0, 1.0)
     _, values, motions = np.linalg.svd(rows / scale)
     values = np.append(values, np.zeros(len(names) - len(values)))
-    free = motions[values <= max(_HELD * values[0], values[-1])]
+    free = motions[values <= max(held * values[0], values[-1])]
     for k in range(len(free)):  # reduced echelon form
         row, column = np.unravel_index(np.abs(free[k:]).argmax(), free[k:].shape)
         free[[k, k + row]] = free[[k + row, k]]
@@ -116,7 +129,7 @@ def _not_held(rows: Array, names: list[str]) -> str:
         free -= np.outer(free[:, column] * (np.arange(len(free)) != k), free[k])
     twists = np.zeros((len(free), max(len(names), 6)))
     twists[:, [_TWIST.get(name, k) for k, name in enumerate(names)]] = (
-        np.where(np.abs(free) < _HELD, 0.0, free) / scale
+        np.where(np.abs(free) < held, 0.0, free) / scale
     )
     return ", nor against ".join(map(_motion, twists))
 

@@ -240,6 +240,7 @@ class Kinematics(Description):
         P on the motor's axis, B at the arm's end, A at the rod's other end, C the platform anchor
         that carries A (A itself where there is no bar).
         """
+        self.require_chains("skeleton")
         x = as_row(self, x, "x")
         return at_poses(self, x, "raise", _core.skeleton)[0]
 

@@ -8,7 +8,8 @@ from truepose.arguments import Array
 from truepose.robot.frames import frames
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.passive import passive_axes
-from truepose.robotfile.schema import Chain
+from truepose.robotfile.chains import Chain
+from truepose.robotfile.sensors import Sensor
 from truepose.robotfile.to_core import PAIRED
 
 #: Colours of the parts in every picture and model.
@@ -23,6 +24,7 @@ COLOURS = {
     "lateral bar": "#e08214",
     "central bar": "#b2182b",
     "passive axis": "#e08214",
+    "body": "#e08214",
     "nacelle": "#b2182b",
     "tool": "#7b3294",
     "sensor": "#00868b",
@@ -38,7 +40,7 @@ def parts_of(robot: Kinematics, points: Array, x: Array) -> list[Part]:
     chains = zip(points, robot.spec.chain, strict=True)
     parts = [part for at, chain in chains for part in _chain(robot, points, at, chain, size)]
     if all(chain.actuator != "prismatic" for chain in robot.spec.chain):
-        parts.insert(0, ("base", _ring(points[:, 0]), 1.5))
+        parts.insert(0, ("base", ring(points[:, 0]), 1.5))
     return [*parts, *_nacelle(robot, points, size, axes), *_sensors(robot, points, axes, x)]
 
 
@@ -53,27 +55,28 @@ def _chain(
         side = side / max(float(np.linalg.norm(side)), 1e-9)
         reach = u @ (points[:, 1] - P).T
         low = reach.min() - 0.15 * size if reach.min() <= 0 else 0.0
-        yield _line("rail", P + u * low, P + u * (reach.max() + 0.15 * size), 3.0)
-        yield _line("carriage", B - 0.03 * size * u, B + 0.03 * size * u, 9.0)
+        yield line("rail", P + u * low, P + u * (reach.max() + 0.15 * size), 3.0)
+        yield line("carriage", B - 0.03 * size * u, B + 0.03 * size * u, 9.0)
     elif chain.actuator == "telescopic":
         B = P + 0.55 * (A - P)  # the leg's thick part; the rod slides in it
-        yield _line("leg", P, B, 6.0)
-        yield _line("motor", P, P, 9.0)
+        yield line("leg", P, B, 6.0)
+        yield line("motor", P, P, 9.0)
     else:
         half = 0.0 if robot.spec.mobility.startswith("planar") else 0.045 * size
-        yield _line("motor", P - half * u, P + half * u, 9.0)
-        yield _line("arm", P, B, 5.0)
+        yield line("motor", P - half * u, P + half * u, 9.0)
+        yield line("arm", P, B, 5.0)
     if robot.spec.mobility not in PAIRED:
-        yield _line("rod", B, A, 2.0)
+        yield line("rod", B, A, 2.0)
         return
     apart = 0.045 * size * side  # half the pair's spacing; only drawn
-    yield _line("rod", B - apart, A - apart, 2.0)
-    yield _line("rod", B + apart, A + apart, 2.0)
-    yield _line(on_arm, B - apart, B + apart, 3.0)
-    yield _line("lateral bar" if chain.bar else "nacelle", A - apart, A + apart, 3.0)
+    yield line("rod", B - apart, A - apart, 2.0)
+    yield line("rod", B + apart, A + apart, 2.0)
+    yield line(on_arm, B - apart, B + apart, 3.0)
+    yield line("lateral bar" if chain.bar else "nacelle", A - apart, A + apart, 3.0)
 
 
-def _line(name: str, start: Array, end: Array, width: float) -> Part:
+def line(name: str, start: Array, end: Array, width: float) -> Part:
+    """Return a straight part."""
     return name, np.array([start, end]), width
 
 
@@ -87,16 +90,16 @@ def _nacelle(robot: Kinematics, points: Array, size: float, axes: Array) -> Iter
         distinct = np.unique(points[:, 3].round(9), axis=0)
         centre = distinct.mean(axis=0)
         for pivot in distinct:
-            yield _line("central bar", centre, pivot, 6.0)
+            yield line("central bar", centre, pivot, 6.0)
     else:
         for place, along in axes:
             reach = 0.12 * size * along
-            yield _line("passive axis", place - reach, place + reach, 3.0)
-        yield "nacelle", _ring(np.vstack([ends, axes[-1:, 0]])), 4.0
+            yield line("passive axis", place - reach, place + reach, 3.0)
+        yield "nacelle", ring(np.vstack([ends, axes[-1:, 0]])), 4.0
     if not spec.mobility.startswith("planar"):
         stands = spec.mobility in ("spatial", "rotational") and centre[2] > points[:, 0, 2].max()
         tip = centre + np.array([0.0, 0.0, 0.14 * size * (1 if stands else -1)])
-        yield _line("tool", centre, tip, 4.0)
+        yield line("tool", centre, tip, 4.0)
 
 
 def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> Iterator[Part]:
@@ -104,18 +107,9 @@ def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> Iterato
     frame = frames(robot, x)
     R, place = frame[:3, :3], frame[:3, 3]
     for sensor in robot.spec.used:
-        mounted = {core: np.array(getattr(sensor, key)) for core, key in sensor.mounting.items()}
         start = end = points[:, 2].mean(axis=0)  # the platform: an angle of it
-        if "origin" in mounted:
-            origin, end = mounted["origin"], place + R @ mounted["target"]
-            start = origin
-            if sensor.kind != "distance":
-                u = mounted["direction"] / np.linalg.norm(mounted["direction"])
-                across = R @ mounted["normal"] if "normal" in mounted else u
-                far = (end - origin) @ across / (u @ across)
-                start, end = (
-                    (origin, origin + far * u) if "normal" in mounted else (end - far * u, end)
-                )
+        if "origin" in sensor.mounting:
+            start, end = measured_along(sensor, place, R)
         elif (chain := getattr(sensor, "chain", None)) is not None:
             P, B, A, _ = points[chain - 1]
             joint = A if getattr(sensor, "side", "base") == "platform" else B
@@ -127,10 +121,24 @@ def _sensors(robot: Kinematics, points: Array, axes: Array, x: Array) -> Iterato
             start = end = next(
                 points[k, 3] for k, chain in enumerate(robot.spec.chain) if chain.bar == bar
             )
-        yield _line("sensor", start, end, 2.0)
+        yield line("sensor", start, end, 2.0)
 
 
-def _ring(corners: Array) -> Array:
+def measured_along(sensor: Sensor, place: Array, R: Array) -> tuple[Array, Array]:
+    """Return the ends of the line along which a sensor measures a body at a place, with axes R."""
+    mounted = {core: np.array(getattr(sensor, key)) for core, key in sensor.mounting.items()}
+    if "origin" not in mounted:
+        return place, place  # an angle of it
+    origin, end = mounted["origin"], place + R @ mounted["target"]
+    if sensor.kind == "distance":
+        return origin, end
+    u = mounted["direction"] / np.linalg.norm(mounted["direction"])
+    across = R @ mounted["normal"] if "normal" in mounted else u
+    far = (end - origin) @ across / (u @ across)
+    return (origin, origin + far * u) if "normal" in mounted else (end - far * u, end)
+
+
+def ring(corners: Array) -> Array:
     """Join corners in their order around the middle, and close."""
     corners = np.unique(corners.round(9), axis=0)
     if len(corners) < 3:

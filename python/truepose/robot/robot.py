@@ -123,6 +123,7 @@ class Robot(Dynamics, Shown):
         >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
         (2, True, 2.0)
         """
+        self.require_chains("assembly_modes")
         q = as_row(self, q, "q", self.m)
         whole("starts", starts, 1, 1_000_000)
         return AssemblyModes(*_core.assembly_modes(self.core, q, starts, check_seed(seed)))

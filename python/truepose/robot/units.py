@@ -17,7 +17,7 @@ from truepose.show.units import PRINT, printed
 
 def reading_units(robot: Description) -> list[str]:
     """Return the unit of each extended position q_e, motors and sensors in use: m or rad."""
-    motors = [motor_unit(chain.actuator) for chain in robot.spec.chain]
+    motors = list(map(motor_unit, robot.spec.actuators))
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 

@@ -7,7 +7,9 @@ from typing import Any
 
 from truepose import _core
 from truepose.exceptions import choose
+from truepose.robotfile import mechanism_checks
 from truepose.robotfile.base import NO_READING, Problem, not_degrees, not_millimetres
+from truepose.robotfile.mechanism import freedoms
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import units_in
 
@@ -17,6 +19,8 @@ _TAKEN = re.compile(
     r"|time|pose|compliance|load_[xyz]|.*_tension|counted|near_singular|no_answer"
 )
 
+#: Kinds of sensors that only mechanisms of bodies and closures have.
+_OF_MECHANISMS = ("joint_angle", "slide_position")
 #: Mobilities that some kinds of sensors need.
 _NEEDS = {"axis_angle": ("rotational",), "platform_angle": ("planar", "schoenflies")}
 
@@ -28,6 +32,10 @@ def taken(name: str) -> bool:
 
 def misfits(spec: RobotFile) -> Iterator[Problem]:
     """Yield sizes and references that do not fit the other parts: there is no such mechanism."""
+    if spec.mobility == "mechanism":
+        wrong = [*mechanism_checks.misfits(spec)]
+        yield from wrong or _poses(spec)
+        return
     yield from _sizes(spec)
     yield from _references(spec)
 
@@ -40,7 +48,14 @@ def misnamed(spec: RobotFile, fits: bool) -> Iterator[Problem]:
 
 
 def _sizes(spec: RobotFile) -> Iterator[Problem]:
-    """Yield another number of parts or coordinates than fits, degrees for rad and mm for m."""
+    """Yield another number of parts or coordinates than fits."""
+    for key in ("body", "closure", "motor"):
+        if getattr(spec, key):
+            text = "a file has either mobility and [[chain]], or [[body]] and [[closure]]"
+            yield Problem((key,), f"{key}: {text}")
+    for key, given in (("coordinates", spec.coordinates), ("start", spec.start)):
+        if given:
+            yield Problem((key,), f"{key}: is for mechanisms of [[body]] and [[closure]]")
     n, rotational = spec.n, spec.mobility == "rotational"
     if rotational and not 1 <= n <= _core.max_axes:
         text = f"a rotational platform has 1 to {_core.max_axes}, a table [[passive_axis]] each"
@@ -64,6 +79,12 @@ def _sizes(spec: RobotFile) -> Iterator[Problem]:
     if len(spec.bar) > _core.max_bars:
         text = f"{len(spec.bar)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)
+    yield from _poses(spec)
+
+
+def _poses(spec: RobotFile) -> Iterator[Problem]:
+    """Yield another number of coordinates than fits, degrees for rad and mm for m."""
+    n = spec.n
     poses: dict[tuple[str, ...], tuple[float, ...]] = {("home",): spec.home}
     for name in ("workspace", "fkm_region"):
         if box := getattr(spec, name):
@@ -74,7 +95,7 @@ def _sizes(spec: RobotFile) -> Iterator[Problem]:
             yield Problem(path, f"{where} needs {n} coordinates, has {len(pose)}")
             continue
         parts = {
-            of: [v for v, (_, unit) in zip(pose, spec.coordinates, strict=True) if unit == of]
+            of: [v for v, (_, unit) in zip(pose, spec.coordinate_units, strict=True) if unit == of]
             for of in ("m", "rad")
         }
         try:
@@ -96,6 +117,16 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
     parts += [(("sensor", k), f"sensor {one.name}", one) for k, one in enumerate(spec.sensor)]
     for path, what, part in parts:
         kind = getattr(part, "kind", "")
+        if kind in _OF_MECHANISMS:
+            text = f"{what}: {kind} is for mechanisms of [[body]] and [[closure]]"
+            yield Problem((*path, "kind"), text)
+            continue
+        rods = ("closure", "axis", "zero") if hasattr(part, "closure") else ()
+        for key in ("body", "motor", *rods) if kind else ():
+            if getattr(part, key, None) not in (None, "platform"):
+                yield Problem((*path, key), f"{what}: {key} is for mechanisms of [[body]]")
+        if kind and _core.sensor_kinds[kind].of_chain and part.chain is None:
+            yield Problem((*path, "chain"), f"{what}: chain: is missing")
         if (needed := _NEEDS.get(kind)) and spec.mobility not in needed:
             text = f"{what}: {kind} needs mobility {' or '.join(needed)}, not {spec.mobility}"
             yield Problem((*path, "kind"), text)
@@ -117,6 +148,11 @@ def _names(spec: RobotFile) -> Iterator[Problem]:
             if taken(name) or (what == "axis" and name == "step"):
                 text = f"{what} {name}: logs and parameters use this name for something else"
                 yield Problem(path, text)
+    motors = [motor.name for motor in spec.motor]
+    for name in freedoms(spec.body):
+        if name not in motors and (taken(name) or name == "step"):
+            text = f"freedom {name}: logs and parameters use this name for something else"
+            yield Problem(("body",), text)
     known = [sensor.name for sensor in spec.sensor]
     for number, name in enumerate(spec.sensors):
         if name not in known:
@@ -152,7 +188,7 @@ def _parameters(spec: RobotFile) -> Iterator[Problem]:
 
 def wrong_value(name: str, value: float) -> str | None:
     """Return what is wrong with a parameter's value, if anything."""
-    if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
+    if name.endswith((".arm", ".rod", ".length", ".pivot", ".rod_spacing")) and value <= 0:
         return "must be greater than 0 (m)"
     if name.endswith(".gain") and value == 0:
         return NO_READING

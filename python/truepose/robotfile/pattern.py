@@ -1,15 +1,35 @@
-"""Chains of a repeated pattern, turned about an axis."""
+"""Tables of a repeated pattern, numbered and turned about an axis: chains, and names with #."""
 
 import math
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import NamedTuple
 
-from truepose.robotfile.schema import Chain
+from truepose.robotfile.base import Section
+from truepose.robotfile.chains import Chain
+from truepose.robotfile.mechanism import Body, Closure, Motor
+from truepose.robotfile.sensors import SENSORS
 
-#: Keys of a chain that turn with its copy.
-TURNED = ("base", "axis", "arm_zero", "anchor", "pair_axis")
+#: Keys of each repeated table that turn with its copy.
+TURNED = {
+    "chain": ("base", "axis", "arm_zero", "anchor", "pair_axis"),
+    "body": ("origin", "axis"),
+    "closure": ("base", "anchor", "base_hinge", "anchor_hinge"),
+    "motor": (),
+    "sensor": ("origin", "direction", "target", "normal", "axis", "up", "zero"),
+}
+_MODELS: dict[str, type[Section]] = {"chain": Chain, "body": Body, "closure": Closure}
 #: Keys whose single value is a list.
-LISTS = ("limits", "eccentricity")
+LISTS = ("limits", "eccentricity", "range")
+MARK = "#"  #: in a name: the number of the copy
+
+
+class Copy(NamedTuple):
+    """A table of a pattern, written out."""
+
+    table: object
+    turn: Fraction  #: by which it turns
+    source: int  #: index of the table in the file
 
 
 def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
@@ -33,51 +53,71 @@ def _cosine(turns: Fraction) -> float:
     return exact.get(turns, math.cos(2 * math.pi * turns))
 
 
-def copies(motif: list, repeat: int) -> list:
-    """Repeat a motif's chains; lists (see :func:`misfits`) have a value per copy."""
-    return [_copy(chain, k) for k in range(repeat) for chain in motif]
+def repeats(top: str, table: object) -> bool:
+    """Return whether a pattern repeats a table: every chain, and others with # in their name."""
+    return top == "chain" or (isinstance(table, dict) and MARK in str(table.get("name")))
 
 
-def turned_copies(chains: list, repeat: int, about: str) -> list:
-    """Turn the chains of each copy about an axis of the base frame."""
-    motif = len(chains) // repeat
-    turns = [Fraction(k // motif, repeat) for k in range(len(chains))]
-    return [_turned(chain, turn, about) for chain, turn in zip(chains, turns, strict=True)]
+def copies(top: str, tables: list, repeat: int) -> list[Copy]:
+    """Repeat tables; lists (see :func:`misfits`) have a value per copy.
+
+    The motif of chains is repeated as a whole, another table where it stands.
+    """
+    every = [
+        Copy(_copy(top, table, k), Fraction(k, repeat), source)
+        for source, table in enumerate(tables)
+        for k in range(repeat if repeats(top, table) else 1)
+    ]
+    return sorted(every, key=lambda copy: copy.turn) if top == "chain" else every
 
 
-def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], str]]:
+def turned_copies(top: str, tables: list, written: list[Copy], about: str) -> list:
+    """Turn each copy, its table by now in `tables`, about an axis of the base frame."""
+    return [
+        _turned(top, table, copy.turn, about) for table, copy in zip(tables, written, strict=True)
+    ]
+
+
+def misfits(top: str, tables: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Yield lists without one value for each copy: the key's path, and a message."""
-    for number, chain in enumerate(motif):
-        for key, values in _lists(chain):
+    for number, table in enumerate(tables):
+        for key, values in _lists(top, table) if repeats(top, table) else ():
             if len(values) != repeat:
                 text = (
-                    f"chain.{number + 1}.{key} = {values}: give one value, or {repeat}, one a copy"
+                    f"{top}.{number + 1}.{key} = {values}: give one value, or {repeat}, one a copy"
                 )
-                yield ("chain", number, key), text
+                yield (top, number, key), text
 
 
-def _lists(chain: object) -> Iterator[tuple[str, list]]:
-    for key, value in chain.items() if isinstance(chain, dict) else ():
-        if key in TURNED or not isinstance(value, list):
+def _lists(top: str, table: object) -> Iterator[tuple[str, list]]:
+    for key, value in table.items() if isinstance(table, dict) else ():
+        if key in TURNED[top] or not isinstance(value, list):
             continue
         if key not in LISTS or all(isinstance(v, list) for v in value):
             yield key, value
 
 
-def _copy(chain: object, k: int) -> object:
-    if not isinstance(chain, dict):  # the schema reports it
-        return chain
-    own = {key: values[min(k, len(values) - 1)] for key, values in _lists(chain) if values}
-    return chain | own
+def _copy(top: str, table: object, k: int) -> object:
+    if not isinstance(table, dict) or not repeats(top, table):  # the schema reports no table
+        return table
+    own = {key: values[min(k, len(values) - 1)] for key, values in _lists(top, table) if values}
+    texts = {key: v.replace(MARK, str(k + 1)) for key, v in table.items() if isinstance(v, str)}
+    return table | texts | own
 
 
-def _turned(chain: object, turns: Fraction, about: str) -> object:
-    if not isinstance(chain, dict):
-        return chain
-    result = dict(chain)
-    for key in TURNED:
-        vector = chain.get(key, Chain.model_fields[key].default)
-        numbers = isinstance(vector, (list, tuple)) and len(vector) == 3
-        if numbers and all(type(v) in (int, float) for v in vector):
-            result[key] = turned(list(vector), turns, about)
+def _turned(top: str, table: object, turns: Fraction, about: str) -> object:
+    if not isinstance(table, dict) or not turns:
+        return table
+    model = (
+        SENSORS.get(str(table.get("kind")), Motor) if top == "sensor" else _MODELS.get(top, Motor)
+    )
+    result = dict(table)
+    for key in TURNED[top]:
+        field = model.model_fields.get(key)
+        vector = table.get(key, field.default if field else None)
+        if not isinstance(vector, (list, tuple)) or len(vector) != 3:
+            continue
+        if all(type(v) in (int, float) for v in vector):
+            by = turned(list(vector), turns, about)
+            result |= {key: by} if key in table or by != list(vector) else {}
     return result

@@ -10,18 +10,19 @@ from typing import Any, NamedTuple
 
 from truepose import _core
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.base import COORDINATES, Section, tables
+from truepose.robotfile.base import Section, tables
+from truepose.robotfile.chains import ACTUATORS, Chain
+from truepose.robotfile.mechanism import Body, Closure, Motor, freedoms
 from truepose.robotfile.schema import (
-    ACTUATORS,
     Bar,
-    Chain,
     Conditions,
     PassiveAxis,
     Platform,
+    RobotFile,
     Workspace,
 )
 from truepose.robotfile.sensors import SENSORS
-from truepose.robotfile.to_core import motor_unit, units_of
+from truepose.robotfile.to_core import motor_unit, units_in
 from truepose.show.units import WRITTEN
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_]+|°)\s*")
@@ -31,7 +32,14 @@ _TABLES: dict[str, type[Section]] = {
     "fkm_region": Workspace,
     "conditions": Conditions,
 }
-_PARTS: dict[str, type[Section]] = {"chain": Chain, "bar": Bar, "passive_axis": PassiveAxis}
+_PARTS: dict[str, type[Section]] = {
+    "chain": Chain,
+    "bar": Bar,
+    "passive_axis": PassiveAxis,
+    "body": Body,
+    "closure": Closure,
+    "motor": Motor,
+}
 _MOST = 100  # parts of one kind whose parameters have a unit; a robot has fewer
 
 Path = tuple[str | int, ...]
@@ -128,6 +136,8 @@ class Units:
             return self._of_parameters(str(rest[0]))
         if top == "home":
             return {self._coordinate(rest)}
+        if top == "start" and rest:
+            return {self._freedoms.get(str(rest[0]), "")}
         if top in _TABLES and rest:
             return {_of_field(_TABLES[str(top)], self._coordinate(rest), rest[0])}
         if len(rest) < 2 or not isinstance(rest[0], int):
@@ -136,8 +146,11 @@ class Units:
         if top == "sensor" and (kind := str(part.get("kind"))) in SENSORS:
             return {_of_field(SENSORS[kind], _core.sensor_kinds[kind].unit, rest[1])}
         if top in _PARTS:
-            actuator = str(part.get("actuator"))
-            own = motor_unit(actuator) if actuator in ACTUATORS else ""
+            own = self._freedoms.get(str(part.get("name")), "")
+            if top == "chain":
+                own = motor_unit(part["actuator"]) if part.get("actuator") in ACTUATORS else ""
+            if top == "body":
+                own = "rad" if part.get("joint") == "hinge" else "m"
             return {_of_field(_PARTS[str(top)], own, rest[1])}
         return set()
 
@@ -152,22 +165,41 @@ class Units:
     @functools.cached_property
     def _parameters(self) -> dict[str, str]:
         """The unit of every parameter."""
-        chains, bars, axes, sensors = (
-            tables(self.data, key)[:_MOST] for key in ("chain", "bar", "passive_axis", "sensor")
-        )
-        kinds = [(str(of.get("name")), str(of.get("kind"))) for of in sensors]
-        known = [(name, kind) for name, kind in kinds if kind in SENSORS]
-        actuators = [str(chain.get("actuator")) for chain in chains]
-        return units_of(str(self.data.get("mobility")), actuators, len(bars), known, len(axes))
+        return units_in(self._outline)
+
+    @functools.cached_property
+    def _outline(self) -> RobotFile:
+        """The file's parts, unchecked, with names and kinds as texts."""
+        parts: dict[str, Any] = {"coordinates": [], "mobility": str(self.data.get("mobility"))}
+        if isinstance(listed := self.data.get("coordinates"), list):
+            parts["coordinates"] = list(map(str, listed))
+        for key, model in [*_PARTS.items(), ("sensor", None)]:
+            usable = [_NAMED | _texts(of) for of in tables(self.data, key)[:_MOST]]
+            models = [(model or SENSORS.get(of["kind"]), of) for of in usable]
+            parts[key] = [one.model_construct(**of) for one, of in models if one]
+        return RobotFile.model_construct(**parts)
+
+    @functools.cached_property
+    def _freedoms(self) -> dict[str, str]:
+        """The unit of every freedom of a mechanism, motors among them."""
+        file = self._outline
+        legs = {of.motor: "m" for of in file.closure if of.motor}
+        return legs | freedoms(file.body)
 
     def _coordinate(self, path: list) -> str:
         """Return the unit of a pose's coordinate, by the last part of its path."""
-        mobility = str(self.data.get("mobility"))
-        known = COORDINATES.get(mobility, ())
-        if mobility == "rotational":
-            return "rad"
-        at = path[-1] if path else None
+        known, at = self._outline.coordinate_units, path[-1] if path else None
         return known[at][1] if isinstance(at, int) and at < len(known) else ""
+
+
+#: What a part without names has.
+_NAMED = dict.fromkeys(("name", "kind", "joint", "actuator"), "")
+
+
+def _texts(table: dict) -> dict:
+    """Return a table whose keys that name something are texts."""
+    names = {"on", "motor", "freedom", *_NAMED}
+    return {key: str(v) if key in names else v for key, v in table.items()}
 
 
 def _of_field(model: type[Section], ambiguous: str, key: str | int) -> str:

@@ -17,9 +17,11 @@ from truepose import files
 from truepose.exceptions import InputError, RobotFileError, choose, shortened
 from truepose.robotfile import consistency
 from truepose.robotfile.base import Problem, Section, tables
-from truepose.robotfile.pattern import copies, misfits, turned_copies
+from truepose.robotfile.chains import Chain
+from truepose.robotfile.mechanism import Motor
+from truepose.robotfile.pattern import MARK, TURNED, Copy, copies, misfits, repeats, turned_copies
 from truepose.robotfile.quantities import factors_of, in_si, marked
-from truepose.robotfile.schema import Chain, Pattern, RobotFile, Tolerance
+from truepose.robotfile.schema import Pattern, RobotFile, Tolerance
 from truepose.robotfile.sensors import SENSORS
 
 
@@ -34,6 +36,7 @@ def _sections(annotation: Any) -> Iterator[type[Section]]:
 AnySection = TypeVar("AnySection", bound=Section)
 _SECTIONS: dict[str, type[Section]] = {
     "chain_defaults": Chain,
+    "motor_defaults": Motor,
     **{
         key: section
         for model in (RobotFile, Tolerance)
@@ -49,7 +52,10 @@ SHORTHAND = {
     "units": 'units of lengths and angles without one, as ["mm", "deg"]; default ["m", "rad"]. '
     "Other quantities, and [calibration], are in SI units",
     "chain_defaults": "keys of 'chain' that all chains share; a chain's own key wins",
+    "motor_defaults": "keys of 'motor' that all motors of a mechanism share",
 }
+#: Of each table written out, its index in the file.
+Sources = dict[str, list[int]]
 #: Largest robot file. A calibration of the most parameters possible takes 0.7 MB.
 MOST_BYTES = 1_000_000
 
@@ -133,20 +139,21 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     With problems it is the file without them, or None where they leave no mechanism.
     """
     try:
-        whole, motif, problems = written_out(data)
+        whole, sources, problems = written_out(data)
     except RobotFileError as error:
         return None, [Problem(*error.args)]
     guessed, spec = False, None
     try:
         spec = RobotFile.model_validate(whole)
     except ValidationError as error:
-        problems = [*_form_problems(error, data, motif), *problems]
+        problems = [*_form_problems(error, data, sources), *problems]
         spec, guessed = _without(whole, error)
     if spec is None:
         return None, problems
     unfit = [*itertools.islice(consistency.misfits(spec), _TOLD)]
     named = consistency.misnamed(spec, not (unfit or guessed))
-    problems += [*unfit, *itertools.islice(named, _TOLD)]
+    for path, text in (*unfit, *itertools.islice(named, _TOLD)):
+        problems.append(Problem(where_written(path, data, sources), text))
     return (None if unfit or guessed else spec), problems
 
 
@@ -176,13 +183,13 @@ def _without(whole: dict, error: ValidationError) -> tuple[RobotFile | None, boo
     return None, True
 
 
-def _form_problems(error: ValidationError, data: dict, motif: int) -> list[Problem]:
+def _form_problems(error: ValidationError, data: dict, sources: Sources) -> list[Problem]:
     """Return what is wrong with the form of a robot file, each once."""
     found = error.errors(include_url=False)[:_TOLD]
     found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
     described = {}  # copies of a chain have the same problem: report it once
     for problem in found:
-        location = where_written(problem["loc"], data, motif)
+        location = where_written(problem["loc"], data, sources)
         text = _describe(problem | {"loc": location})
         described[text] = Problem(tuple(p for p in location if p not in SENSORS), text)
     return [*described.values()]
@@ -198,42 +205,78 @@ def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnyS
         raise InputError(f"{robot}: {text}") from None
 
 
-def where_written(location: tuple, data: dict, motif: int) -> tuple:
-    """Return where the file has a chain's key: in the motif, or shared by all chains."""
-    if len(location) < 2 or location[0] != "chain" or not motif:
+def where_written(location: tuple, data: dict, sources: Sources) -> tuple:
+    """Return where the file has a table's key: in a motif, or shared by all chains or motors."""
+    top, number, *rest = (*location, None, None)[: max(len(location), 2)]
+    of = sources.get(top, [])
+    if not isinstance(number, int) or number >= len(of):
         return location
-    number = location[1] % motif
-    own, shared = tables(data, "chain"), data.get("chain_defaults", {})
-    if location[2:] and not (own and location[2] in own[number]) and location[2] in shared:
-        return ("chain_defaults", *location[2:])
-    return ("chain", number, *location[2:])
+    own, shared = tables(data, top), data.get(f"{top}_defaults", {})
+    number = of[number]
+    if rest and rest[0] in shared and not (number < len(own) and rest[0] in own[number]):
+        return (f"{top}_defaults", *rest)
+    return (top, number, *rest)
 
 
-def written_out(data: dict) -> tuple[dict, int, list[Problem]]:
-    """Expand based_on, chain_defaults and pattern; return also the motif's length and problems.
+def written_out(data: dict) -> tuple[dict, Sources, list[Problem]]:
+    """Expand based_on, defaults, pattern and motors; return also where each table is, and problems.
 
     The arguments of a RobotFileError are those of a Problem.
     """
-    own, motif, problems = dict(data), 0, []
+    own = dict(data)
     base = _base(own.pop("based_on")) if "based_on" in own else {}
     if factors := factors_of(own.pop("units", [])):
         own = {key: of if key == "pattern" else marked(of) for key, of in own.items()}
     whole = _over(base, own)
-    shared, chains = whole.pop("chain_defaults", {}), whole.get("chain")
-    if not isinstance(shared, dict):
-        raise RobotFileError(("chain_defaults",), "chain_defaults: must be a table")
-    pattern = None
-    if isinstance(chains, list):
-        motif = len(chains)
-        whole["chain"] = chains = [shared | c if isinstance(c, dict) else c for c in chains]
-        with contextlib.suppress(ValidationError):  # the schema reports an unusable pattern
-            pattern = Pattern.model_validate(whole.get("pattern"))
-            problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
-            whole["chain"] = copies(chains, pattern.repeat)
-    whole = in_si(whole, factors, lambda path: where_written(path, data, motif))
-    if pattern:
-        whole["chain"] = turned_copies(whole["chain"], pattern.repeat, pattern.about)
-    return whole, motif, problems
+    shared = {top: whole.pop(f"{top}_defaults", {}) for top in ("chain", "motor")}
+    for top, of in shared.items():
+        if not isinstance(of, dict):
+            raise RobotFileError((f"{top}_defaults",), f"{top}_defaults: must be a table")
+    if isinstance(whole.get("chain"), list):
+        chains = whole["chain"]
+        whole["chain"] = [shared["chain"] | c if isinstance(c, dict) else c for c in chains]
+    pattern, written, problems = _repeated(whole)
+    sources: Sources = {top: [copy.source for copy in of] for top, of in written.items()}
+    mechanism = "body" in whole or "closure" in whole
+    if shared[unfit := "chain" if mechanism else "motor"]:
+        others = "bodies and closures" if mechanism else "chains"
+        raise RobotFileError((f"{unfit}_defaults",), f"{unfit}_defaults: not in a file of {others}")
+    if mechanism:
+        whole = {"mobility": "mechanism", "chain": []} | whole
+        _list_motors(whole, shared["motor"])
+    whole = in_si(whole, factors, lambda path: where_written(path, data, sources))
+    for top, of in written.items():
+        if pattern and top != "motor":
+            whole[top] = turned_copies(top, whole[top], of, pattern.about)
+    return whole, sources, problems
+
+
+def _repeated(whole: dict) -> tuple[Pattern | None, dict[str, list[Copy]], list[Problem]]:
+    """Repeat the tables of a pattern, not turned yet; return it, its copies and problems."""
+    pattern, written, problems = None, {}, []
+    with contextlib.suppress(ValidationError):  # the schema reports an unusable pattern
+        pattern = Pattern.model_validate(whole.get("pattern"))
+    for top in TURNED:
+        if not isinstance(listed := whole.get(top), list):
+            continue
+        if pattern:
+            problems += [Problem(*problem) for problem in misfits(top, listed, pattern.repeat)]
+        for number, table in enumerate(listed):
+            if not pattern and top != "chain" and repeats(top, table):
+                text = f"{table['name']}: {MARK} repeats a table: give [pattern] repeat, about"
+                raise RobotFileError((top, number, "name"), text)
+        written[top] = copies(top, listed, pattern.repeat if pattern else 1)
+        whole[top] = [copy.table for copy in written[top]]
+    return pattern, written, problems
+
+
+def _list_motors(whole: dict, shared: dict) -> None:
+    """Give each motor of a mechanism a table, in the order of their numbers; others last."""
+    movers = [*tables(whole, "body"), *tables(whole, "closure")]
+    names = {str(of["motor"]) for of in movers if "motor" in of}
+    own = {str(of.get("name")): of for of in tables(whole, "motor")}
+    order = [*sorted(names, key=lambda name: (len(name), name)), *(own.keys() - names)]
+    whole["motor"] = [shared | {"name": name} | own.get(name, {}) for name in order]
 
 
 def _base(name: object) -> dict:
@@ -259,7 +302,8 @@ def _describe(problem: dict) -> str:
     kind, value = problem["type"], problem["input"]
     if kind == "extra_forbidden":
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
-        known = list((_SECTIONS[section] if section else RobotFile).model_fields)
+        fields = (_SECTIONS[section] if section else RobotFile).model_fields
+        known = list(fields)
         return f"{key}: " + choose("key", location[-1], known if section else [*known, *SHORTHAND])
     reasons = {
         "missing": ": is missing",
@@ -274,7 +318,7 @@ def _describe(problem: dict) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):
-        message += "; no file can express a tilter with parasitic motion (3-PRS) or a serial wrist"
+        message += "; a file with [[body]] and [[closure]] needs none"
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message
     return f"{key} = {shortened(repr(value))}: {message}"

@@ -2,21 +2,15 @@
 
 import fnmatch
 import math
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from truepose.robotfile.base import (
     COORDINATES,
-    Angle,
-    Counts,
     Direction,
     Ends,
-    Gain,
-    Harmonics,
-    Index,
     Inertia,
-    Joint,
     Length,
     Mass,
     Name,
@@ -24,7 +18,6 @@ from truepose.robotfile.base import (
     Number,
     Point,
     Pose,
-    Positive,
     Section,
     Sigma,
     Vector,
@@ -32,128 +25,12 @@ from truepose.robotfile.base import (
     is_compliance,
     key,
     not_degrees,
-    not_millimetres,
     rising_or_alike,
     unit,
 )
+from truepose.robotfile.chains import Chain, Drive
+from truepose.robotfile.mechanism import Body, Closure, Motor, actuators, freedoms, singles
 from truepose.robotfile.sensors import Sensor
-
-Actuator = Literal["revolute", "prismatic", "telescopic"]
-ACTUATORS: tuple[str, ...] = get_args(Actuator)
-#: Actuators of chains that a key is for, where these are not all.
-_OF_ACTUATORS = {
-    "arm_compliance": ("revolute",),
-    "eccentricity": ("revolute",),
-    "spool_buildup": ("prismatic", "telescopic"),
-    "pair_axis": ("prismatic",),
-}
-
-
-class Chain(Section):
-    """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
-
-    actuator: Actuator = key("how the motor moves B, the rod's end on its side")
-    base: Joint = key("P, a point of the motor's axis")
-    axis: Direction = key("u, motor axis or slide direction", (0, 0, 1))
-    arm_zero: Direction = key("e, arm's direction at q = 0", (1, 0, 0))
-    arm: Length | None = key("l = |PB| (revolute: needed)", None)
-    rod: Length | None = key("L = |AB| (not telescopic: needed)", None)
-    working_mode: Literal[-1, 1] = key("sign of the entry of J_q", -1)
-    anchor: Joint = key("A in the body that carries it")
-    bar: Index | None = key("bar that carries A; without it, the platform itself", None)
-    rod_spacing: Length = key("between the two rods of a spatial parallelogram; full level", 0.08)
-    rod_difference: Annotated[Number, unit("m")] = key(
-        "length of the rod on the side of +u less that of the other, m; full level", 0.0
-    )
-    pair_axis: Direction | None = key(
-        "from one rod of a carriage to the other (prismatic); by default across its rail and "
-        "its rods at home, if these are not parallel. Rods at the end of an arm lie along u",
-        None,
-    )
-    yaw: Angle = key("turns e and u about z", 0.0)
-    tilt: Angle = key("turns u about e", 0.0)
-    encoder_offset: Annotated[Number, unit("rad or m")] = key("reading = gain * q - offset", 0.0)
-    gain: Gain = key(
-        "of the motor's reading: its encoder's scale, its screw's or belt's pitch over the "
-        "nominal one, or -1 for a reading that counts backwards",
-        1.0,
-    )
-    spool_buildup: Annotated[Number, unit("1/m")] = key(
-        "of a line that winds in layers on its spool (prismatic, telescopic): it is v + "
-        "spool_buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
-        0.0,
-    )
-    compliance: Annotated[NonNegative, unit("1/N")] | None = key(
-        "strain of its rods, leg or belt per newton of the tension of all its rods together, "
-        "1/(EA), beside that of [compliance]",
-        None,
-    )
-    arm_compliance: Annotated[NonNegative, unit("rad/(N·m)")] | None = key(
-        "of arm, shaft and gear between encoder and rods, 1/stiffness, beside that of "
-        "[compliance] (revolute)",
-        None,
-    )
-    backlash: Annotated[NonNegative, unit("rad or m")] = key(
-        "between encoder and arm, slide or leg, whole width; a reading is off by half of it, "
-        "either way",
-        0.0,
-    )
-    encoder_counts: Counts | None = key("per turn, or per m; without it: no counts", None)
-    lead: Annotated[Number, unit("m or rad")] | None = key(
-        "travel per turn of the motor's shaft, for logs whose column is q1_turns: a "
-        "screw's lead, a spool's or pulley's circumference; negative where it turns the other "
-        "way",
-        None,
-    )
-    encoder_noise: Sigma = key("σ of a reading", 0.0)
-    eccentricity: Harmonics = key(
-        "c1, s1, c2, s2: an angle φ reads φ + c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ "
-        "(revolute)",
-        (0, 0, 0, 0),
-    )
-    limits: Annotated[Ends, unit("rad or m")] | None = key(
-        "stops of the motor, lower and upper: its position before the encoder's offset", None
-    )
-    torque_limit: Annotated[Positive, unit("N·m or N")] | None = key("motor's, either way", None)
-    speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = key(
-        "of the motor, either way; paths that ask for more are refused", None
-    )
-    drive_inertia: Annotated[NonNegative, unit("kg·m² or kg")] = key(
-        "rotor and arm about the motor's axis; of a slide motor and carriage. Of "
-        "the nominal arm: the parameter 'arm' does not change it",
-        0.0,
-    )
-    arm_mass: Mass = key("arm, or carriage", 0.0)
-    rod_mass: Mass = key("all rods of the chain together", 0.0)
-    viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key("of the motor", 0.0)
-    coulomb_friction: Annotated[NonNegative, unit("N·m or N")] = key("motor's, at any speed", 0.0)
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        turns = self.actuator == "revolute"
-        for name, needed in (("arm", turns), ("rod", self.actuator != "telescopic")):
-            if needed and getattr(self, name) is None:
-                raise ValueError(f"a {self.actuator} chain needs '{name}' (m)")
-        for name, kinds in _OF_ACTUATORS.items():
-            unusual = getattr(self, name) != type(self).model_fields[name].default
-            if unusual and self.actuator not in kinds:
-                must = f"{' and '.join(kinds)} chains"
-                raise ValueError(f"'{name}' is for {must}, not {self.actuator}")
-        (not_degrees if turns else not_millimetres)(self.limits or (), "limits = ")
-        lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
-        if turns and abs(lean) > 1e-6:
-            raise ValueError(f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}")
-        slender = self.arm_mass * (self.arm or 0.0) ** 2 / 3
-        least, unit, part = {  # the arm or the carriage that a drive includes
-            "revolute": (slender, "kg·m²", "arm_mass · arm²/3 of a slender arm"),
-            "prismatic": (self.arm_mass, "kg", "arm_mass of the carriage"),
-        }.get(self.actuator, (0.0, "", ""))
-        if self.drive_inertia < least * (1 - 1e-9):
-            raise ValueError(
-                f"drive_inertia = {self.drive_inertia:g} {unit}: must be at least {least:.3g} "
-                f"{unit}, the {part}, which is part of it"
-            )
-        return self
 
 
 class Bar(Section):
@@ -324,9 +201,28 @@ class RobotFile(Section):
     title: Name = key("one line about it", "")
     source: str = key("where the numbers come from", "")
     mobility: Literal[
-        "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
-    ] = key("which freedoms the platform has; as many chains or more")
+        "planar_translation",
+        "planar",
+        "translation",
+        "schoenflies",
+        "spatial",
+        "rotational",
+        "mechanism",
+    ] = key(
+        "which freedoms the platform has; as many chains or more. A file of [[body]] and "
+        "[[closure]] needs none: mechanism"
+    )
+    coordinates: tuple[Word, ...] = key(
+        "of a mechanism: freedoms that are x, 1 to 3; by default the platform's own. "
+        "The others without a motor follow from the closures",
+        (),
+    )
     home: Pose = key("a pose well inside the workspace, one value a freedom")
+    start: Annotated[dict[str, Number], unit("m or rad")] = key(
+        "of a mechanism: where motors and freedoms that follow start to close it at home, 0 by "
+        "default; selects the assembly",
+        {},
+    )
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
     workspace: Workspace | None = key("box for which the robot is intended", None)
@@ -337,8 +233,17 @@ class RobotFile(Section):
         None,
     )
     quantized: bool = key("false: encoders and sensors have no counts", True)
-    pattern: Pattern | None = key("the file's chains are a motif, repeated about an axis", None)
+    pattern: Pattern | None = key(
+        "the file's chains are a motif, repeated about an axis; so are other tables with # in "
+        "their names, which becomes 1, 2, …",
+        None,
+    )
     chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
+    body: tuple[Body, ...] = key("of a mechanism: each body, and the joint that carries it", ())
+    closure: tuple[Closure, ...] = key("of a mechanism: rods, legs and hinges' planes", ())
+    motor: tuple[Motor, ...] = key(
+        "of a mechanism: motors with keys of their own; motor_defaults are those of all", ()
+    )
     bar: tuple[Bar, ...] = key("lateral bars of an articulated platform, two at most", ())
     passive_axis: tuple[PassiveAxis, ...] = key("rotational platform's: 1 to 3, base's first", ())
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
@@ -357,20 +262,49 @@ class RobotFile(Section):
     _text: str = PrivateAttr(default="")
 
     @property
-    def coordinates(self) -> tuple[tuple[str, str], ...]:
+    def coordinate_units(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each coordinate of the pose."""
+        if self.mobility == "mechanism":
+            units = freedoms(self.body)
+            names = self.coordinates or [
+                single.freedom
+                for single in singles(self.body)
+                if single.body.name == "platform" and not single.body.motor
+            ]
+            return tuple((name, units.get(name, "")) for name in names)
         axes = tuple((axis.name, "rad") for axis in self.passive_axis)
         return COORDINATES.get(self.mobility, axes)
 
     @property
+    def framed(self) -> bool:
+        """Whether x has a frame: not angles of passive axes, nor freedoms of a mechanism."""
+        return self.mobility not in ("rotational", "mechanism")
+
+    @property
     def n(self) -> int:
         """Degrees of freedom."""
-        return len(self.coordinates)
+        return len(self.coordinate_units)
+
+    @property
+    def motors(self) -> tuple[Drive, ...]:
+        """Motors: those of the chains, or of a mechanism."""
+        return self.chain or self.motor
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """How each motor moves: revolute, prismatic or telescopic."""
+        moved = actuators(self.body, self.closure)
+        listed = [moved.get(motor.name, "") for motor in self.motor]
+        return tuple(chain.actuator for chain in self.chain) or tuple(listed)
 
     @property
     def m(self) -> int:
-        """Motors: one for each chain."""
-        return len(self.chain)
+        """Motors."""
+        return len(self.motors)
+
+    def of_motor(self, i: int, key: str) -> str:
+        """Name of a motor's parameter: chain1.encoder_offset, of a mechanism q1.encoder_offset."""
+        return f"{'chain' if self.chain else 'q'}{i + 1}.{key}"
 
     @property
     def stretches(self) -> bool:

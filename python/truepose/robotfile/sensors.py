@@ -91,7 +91,13 @@ class PlatformAngle(Encoder):
     bar: Index | None = key("read at this bar's hinge, against the bar; without it, absolute", None)
 
 
-class PlaneDistance(_Gauge):
+class _OnBody(_Gauge):
+    body: Word = key(
+        "of a mechanism: the body that carries it, in place of the platform", "platform"
+    )
+
+
+class PlaneDistance(_OnBody):
     """Distance along a line fixed in the base to a plane of the platform."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target", "normal")}
@@ -103,7 +109,7 @@ class PlaneDistance(_Gauge):
     normal: Direction = key("of the plane, platform frame")
 
 
-class Coordinate(_Gauge):
+class Coordinate(_OnBody):
     """A point of the platform along a fixed direction: an axis of a tracker, or a telemeter."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target")}
@@ -114,7 +120,7 @@ class Coordinate(_Gauge):
     target: Point = key("the point, platform frame", (0, 0, 0))
 
 
-class Distance(_Gauge):
+class Distance(_OnBody):
     """Draw-wire or ball bar from a point of the base to a point of the platform."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "target")}
@@ -124,7 +130,7 @@ class Distance(_Gauge):
     target: Point = key("its point, platform frame", (0, 0, 0))
 
 
-class Inclinometer(_Gauge):
+class Inclinometer(_OnBody):
     """Turn of the platform about one of its own axes, against the file's gravity."""
 
     mounting: ClassVar[dict[str, str]] = {"direction": "axis", "normal": "up"}
@@ -134,7 +140,7 @@ class Inclinometer(_Gauge):
     up: Direction = key("vertical at reading 0, platform frame", (0, 0, 1))
 
 
-class Rotation(_Gauge):
+class Rotation(_OnBody):
     """A component of the platform's rotation vector: one axis of a tracker of orientation."""
 
     mounting: ClassVar[dict[str, str]] = {"direction": "direction"}
@@ -153,12 +159,17 @@ class RodAngle(Encoder):
     """Direction of a rod at a joint: elbow, platform-side joint, U-joint of a leg.
 
     In plane: from the arm (base's side of a revolute chain), else from e, positive about u as q.
-    Lateral: out of that plane, positive along u.
+    Lateral: out of that plane, positive along u. Of a mechanism e is `zero`, u is `axis`.
     """
 
     kind: Literal["rod_in_plane", "rod_lateral"] = key("says which sensor this is")
-    chain: Index = key("whose rod, from 1")
-    side: Literal["base", "platform"] = key("which of its joints", "base")
+    chain: Index | None = key("whose rod, from 1", None)
+    closure: Word | None = key("of a mechanism: the rod or leg", None)
+    side: Literal["base", "platform"] = key("which of its joints: at B or at A", "base")
+    axis: Direction | None = key(
+        "of a mechanism: u in the body on that side; by default the closure's hinge there", None
+    )
+    zero: Direction | None = key("of a mechanism: e in that body, normal to u: needed", None)
     rod: Side = "+"
 
 
@@ -166,7 +177,8 @@ class RodLength(_Gauge):
     """Distance between a rod's ends."""
 
     kind: Literal["rod_length"] = key("says which sensor this is")
-    chain: Index = key("whose rod, from 1")
+    chain: Index | None = key("whose rod, from 1", None)
+    closure: Word | None = key("of a mechanism: the rod or leg", None)
     rod: Side = "+"
 
 
@@ -174,7 +186,8 @@ class MotorEncoder(Encoder):
     """A second encoder on a revolute motor's load side."""
 
     kind: Literal["motor_encoder"] = key("says which sensor this is")
-    chain: Index = key("whose motor, from 1")
+    chain: Index | None = key("whose motor, from 1", None)
+    motor: Word | None = key("of a mechanism: q1 to qm", None)
 
 
 class AxisAngle(Encoder):
@@ -182,6 +195,20 @@ class AxisAngle(Encoder):
 
     kind: Literal["axis_angle"] = key("says which sensor this is")
     axis: Index = key("which, from 1")
+
+
+class JointAngle(Encoder):
+    """An encoder on a hinge of a mechanism."""
+
+    kind: Literal["joint_angle"] = key("says which sensor this is")
+    freedom: Word = key("the hinge's")
+
+
+class SlidePosition(_Gauge):
+    """A scale on a slide of a mechanism."""
+
+    kind: Literal["slide_position"] = key("says which sensor this is")
+    freedom: Word = key("the slide's")
 
 
 Sensor = Annotated[
@@ -194,7 +221,9 @@ Sensor = Annotated[
     | RodAngle
     | RodLength
     | MotorEncoder
-    | AxisAngle,
+    | AxisAngle
+    | JointAngle
+    | SlidePosition,
     Field(discriminator="kind"),
 ]
 

@@ -1,7 +1,6 @@
 """Parameters ξ of a robot, and the core's structs from its file."""
 
 import math
-from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,9 +9,17 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.base import ARMS, COMMON, Section
-from truepose.robotfile.schema import Bar, Chain, Compliance, RobotFile
-from truepose.robotfile.sensors import SENSORS, Encoder, Sensor, SensorSection
+from truepose.robotfile.base import ARMS, COMMON, Section, Vector
+from truepose.robotfile.chains import Chain
+from truepose.robotfile.mechanism import singles
+from truepose.robotfile.mechanism_to_core import (
+    equations,
+    freedoms_in_order,
+    indices,
+    set_mechanism,
+)
+from truepose.robotfile.schema import Bar, Compliance, RobotFile
+from truepose.robotfile.sensors import Encoder, RodAngle, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
 PAIRED = ("translation", "schoenflies")
@@ -27,12 +34,15 @@ _CHAIN_UNITS = dict(_core.chain_parameters) | {"compliance": "1/N", "arm_complia
 DIRECTIONS = ("direction", "normal")
 
 #: Members of the core's structs, and the file's keys where these have another name.
-_SAME = ("base", "axis", "arm", "rod", "working_mode", "encoder_offset", "encoder_noise")
-_CHAIN = {
-    **{key: key for key in (*_SAME, "torque_limit", "drive_inertia", "arm_mass", "rod_mass")},
-    "zero": "arm_zero",
+_SAME = ("base", "axis", "arm", "rod", "working_mode", "torque_limit", "drive_inertia", "arm_mass")
+_DRIVE = {
+    **{key: key for key in ("encoder_offset", "encoder_noise", "eccentricity")},
     "encoder_gain": "gain",
     "encoder_buildup": "spool_buildup",
+}
+_CHAIN = {
+    **{key: key for key in (*_SAME, "rod_mass")},
+    "zero": "arm_zero",
     "viscous": "viscous_friction",
     "coulomb": "coulomb_friction",
 }
@@ -47,46 +57,51 @@ def motor_unit(actuator: str) -> str:
     return "rad" if actuator == "revolute" else "m"
 
 
-def units_of(
-    mobility: str,
-    actuators: Collection[str],
-    bars: int,
-    sensors: Iterable[tuple[str, str]],  #: name and kind
-    axes: int,
-    stretches: bool = True,
-) -> dict[str, str]:
-    """Return the unit of every geometric parameter of these parts, by name; "" for none."""
-    units: dict[str, str] = {}
-    for number, actuator in enumerate(actuators, 1):
-        revolute = actuator == "revolute"
-        keys = [*_xyz("base", "anchor"), "encoder_offset", "yaw", "tilt"]
-        keys += ["rod_difference", "rod_spacing"] * (mobility in PAIRED)
-        keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
-        keys += _ECCENTRICITY * revolute + ["gain"] + ["spool_buildup"] * (not revolute)
-        keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
-        own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
-        units |= {f"chain{number}.{key}": own[key] for key in keys}
-    units |= {f"bar{number}.pivot": "m" for number in range(1, bars + 1)}
-    if stretches:
-        units[COMMON] = _CHAIN_UNITS["compliance"]
-        if "revolute" in actuators:
-            units[ARMS] = _CHAIN_UNITS["arm_compliance"]
-    for name, kind in sensors:
-        for core, unit in _core.sensor_parameters:
-            if key := file_key(SENSORS[kind], core):
-                own_unit = _core.sensor_kinds[kind].unit if unit == "reading" else unit
-                units[f"{name}.{key}"] = own_unit
-    for number in range(1, axes + 1):
-        units |= {f"axis{number}.{key}": unit for key, unit in _core.axis_parameters}
-    return units
-
-
 def units_in(spec: RobotFile, stretches: bool = True) -> dict[str, str]:
-    """Return the unit of every geometric parameter of a robot file, by name."""
-    actuators = [chain.actuator for chain in spec.chain]
-    sensors = [(sensor.name, sensor.kind) for sensor in spec.sensor]
-    axes = len(spec.passive_axis)
-    return units_of(spec.mobility, actuators, len(spec.bar), sensors, axes, stretches)
+    """Return the unit of every geometric parameter of a robot file, by name; "" for none."""
+    units: dict[str, str] = {}
+    for i, actuator in enumerate(spec.actuators):
+        revolute = actuator == "revolute"
+        keys = ["encoder_offset", *_ECCENTRICITY * revolute, "gain"]
+        keys += ["spool_buildup"] * (not revolute)
+        if spec.chain:
+            keys = [*_xyz("base", "anchor"), "yaw", "tilt", *keys]
+            keys += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
+            keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
+            keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
+        own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
+        units |= {spec.of_motor(i, key): own[key] for key in keys}
+    units |= {f"bar{number}.pivot": "m" for number in range(1, len(spec.bar) + 1)}
+    if stretches and spec.chain:
+        units[COMMON] = _CHAIN_UNITS["compliance"]
+        if "revolute" in spec.actuators:
+            units[ARMS] = _CHAIN_UNITS["arm_compliance"]
+    for sensor in spec.sensor:
+        for core, unit in _core.sensor_parameters:
+            if key := file_key(type(sensor), core):
+                own_unit = _core.sensor_kinds[sensor.kind].unit if unit == "reading" else unit
+                units[f"{sensor.name}.{key}"] = own_unit
+    for part, turns in _axes(spec):
+        own = dict(_core.axis_parameters) | {"zero": "rad" if turns else "m"}
+        units |= {_of_axis(part, key): unit for key, unit in own.items() if part}
+    for closure in spec.closure:
+        for key, unit in _core.closure_parameters:
+            if getattr(closure, key.partition(".")[0]) is not None:
+                units[f"{closure.name}.{key}"] = unit
+    return {name: unit for name, unit in units.items() if name}
+
+
+def _axes(spec: RobotFile) -> list[tuple[str, bool]]:
+    """Return name and kind of each passive axis, or slide or hinge; "": it has no parameters."""
+    axes = [(f"axis{j}", True) for j in range(1, len(spec.passive_axis) + 1)]
+    return axes + [(of.body.name * of.own, of.turns) for of in singles(spec.body)]
+
+
+def _of_axis(part: str, core: str) -> str:
+    """Return a parameter's name; "": of a passive axis, which has no zero."""
+    if part.startswith("axis"):
+        return f"{part}.{core}" if core != "zero" else ""
+    return f"{part}.{core.replace('direction', 'axis')}"
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
@@ -94,7 +109,8 @@ def drawn(spec: RobotFile) -> dict[str, float]:
     parts: dict[str, object] = {"compliance": spec.compliance or Compliance()}
     for kind, of_kind in (("chain", spec.chain), ("bar", spec.bar), ("axis", spec.passive_axis)):
         parts |= {f"{kind}{number}": part for number, part in enumerate(of_kind, 1)}
-    parts |= {sensor.name: sensor for sensor in spec.sensor}
+    for named in (spec.sensor, spec.body, spec.closure, spec.motor):
+        parts |= {part.name: part for part in named}
     values = {}
     for name in units_in(spec, spec.stretches):
         part, key, *component = name.split(".")
@@ -111,15 +127,18 @@ def drawn(spec: RobotFile) -> dict[str, float]:
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
     """Return the file's name of every parameter that the core has, and its column of H_ξ."""
-    names = [f"chain{i}.{key}" for i in range(1, spec.m + 1) for key, _ in _core.chain_parameters]
+    names = [spec.of_motor(i, key) for i in range(spec.m) for key, _ in _core.chain_parameters]
     bars = [f"bar{k}.pivot" for k in range(1, len(spec.bar) + 1)]
     names += bars + [""] * (_core.max_bars - len(bars))
     for sensor in spec.used:
         keys = [file_key(type(sensor), core) for core, _ in _core.sensor_parameters]
         names += [key and f"{sensor.name}.{key}" for key in keys]
-    axes = range(1, len(spec.passive_axis) + 1)
-    names += [f"axis{j}.{key}" for j in axes for key, _ in _core.axis_parameters]
-    return [(name, k) for k, name in enumerate(names) if name]
+    keys = [key for key, _ in _core.axis_parameters]
+    names += [part and _of_axis(part, key) for part, _ in _axes(spec) for key in keys]
+    names += [f"{c.name}.{key}" for c in spec.closure for key, _ in _core.closure_parameters]
+    known = None if spec.chain else units_in(spec)
+    every = enumerate(names)
+    return [(name, k) for k, name in every if name and (known is None or name in known)]
 
 
 def file_key(kind: type[SensorSection], core: str) -> str:
@@ -133,11 +152,14 @@ def file_key(kind: type[SensorSection], core: str) -> str:
     return f"{key}.{component}" if key else ""
 
 
-def encoder_step(chain: Chain) -> float:
-    """One count of a motor encoder, rad or m; 0 if unquantized."""
-    if not chain.encoder_counts:
-        return 0.0
-    return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
+def encoder_steps(spec: RobotFile) -> list[float]:
+    """One count of every motor encoder, rad or m; 0 if unquantized."""
+    return [
+        (2 * math.pi if actuator == "revolute" else 1.0) / motor.encoder_counts
+        if motor.encoder_counts
+        else 0.0
+        for motor, actuator in zip(spec.motors, spec.actuators, strict=True)
+    ]
 
 
 def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
@@ -165,14 +187,22 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
 def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file: nominal, axes at zero yaw and tilt."""
     robot = _core.Robot()
-    mobility = f"rotational_{spec.n}" if spec.mobility == "rotational" else spec.mobility
+    several = spec.mobility in ("rotational", "mechanism")
+    mobility = f"{spec.mobility}_{spec.n}" if several else spec.mobility
     robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.m
     robot.gravity = np.array(spec.gravity)
     robot.home = spec.home
     robot.bar_joint = getattr(_core.BarJoint, spec.platform.bars)
-    for i, chain in enumerate(spec.chain):
-        robot.set_chain(i, _build_chain(spec, chain))
+    for i, (motor, actuator) in enumerate(zip(spec.motors, spec.actuators, strict=True)):
+        chain = _filled(_core.Chain(), motor, _DRIVE)
+        chain.actuator = getattr(_core.Actuator, actuator)
+        chain.encoder_step = encoder_steps(spec)[i] * spec.quantized
+        if isinstance(motor, Chain):
+            _add_rod(spec, motor, chain)
+        robot.set_chain(i, chain)
+    if spec.mobility == "mechanism":
+        set_mechanism(robot, spec)
     for j, axis in enumerate(spec.passive_axis):
         keys = {"origin": "origin", "direction": "direction"}
         robot.set_axis(j, _filled(_core.PassiveAxis(), axis, keys))
@@ -218,19 +248,16 @@ def _filled(struct: Any, part: Section, keys: dict[str, str]) -> Any:
     return struct
 
 
-def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
-    built = _filled(_core.Chain(), chain, _CHAIN)
-    built.actuator = getattr(_core.Actuator, chain.actuator)
+def _add_rod(spec: RobotFile, chain: Chain, built: _core.Chain) -> None:
+    """Give a motor of the core its arm and rod."""
+    _filled(built, chain, _CHAIN)
     built.pivot = np.array(chain.anchor)
     if chain.bar is not None:
         built.pivot, built.anchor = _hinge(spec.bar[chain.bar - 1]), built.pivot
         built.bar = chain.bar - 1
-    built.encoder_step = encoder_step(chain) * spec.quantized
-    built.eccentricity = chain.eccentricity
     if spec.mobility in PAIRED:  # two rods
         built.rod_spacing = chain.rod_spacing
         built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
-    return built
 
 
 def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
@@ -243,7 +270,9 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     built.bar = (getattr(sensor, "bar", None) or 0) - 1
     if sensor.kind == "axis_angle":
         built.axis = sensor.axis - 1
-    if (number := getattr(sensor, "chain", None)) is not None:
+    if spec.mobility == "mechanism":
+        _place(spec, sensor, built)
+    elif (number := getattr(sensor, "chain", None)) is not None:
         built.chain = number - 1
         built.at_nacelle = getattr(sensor, "side", "base") == "platform"
         built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
@@ -251,3 +280,27 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
         built.direction = np.array(spec.chain[number - 1].axis)
         built.normal = np.array(spec.chain[number - 1].arm_zero)
     return built
+
+
+def _place(spec: RobotFile, sensor: Any, built: _core.Sensor) -> None:
+    """Say on which part of a mechanism a sensor of the core is."""
+    if name := getattr(sensor, "freedom", None):
+        built.axis = freedoms_in_order(spec).index(name)
+    elif name := getattr(sensor, "motor", None):
+        built.chain = [motor.name for motor in spec.motor].index(name)
+    elif name := getattr(sensor, "closure", None):
+        rods = [of.name if not kind.endswith("hinge") else "" for _, of, kind in equations(spec)]
+        built.chain = rods.index(name)
+        if (side := getattr(sensor, "side", None)) is not None:
+            built.at_nacelle = side == "platform"
+            built.direction, built.normal = map(np.array, (rod_axis(spec, sensor), sensor.zero))
+    else:
+        body = indices(spec)[sensor.body]
+        built.bar = -1 if sensor.body == "platform" else body
+
+
+def rod_axis(spec: RobotFile, sensor: RodAngle) -> Vector | None:
+    """Return the axis of a rod's angle in a mechanism: by default its hinge on that side."""
+    closure = next(of for of in spec.closure if of.name == sensor.closure)
+    hinge = closure.base_hinge if sensor.side == "base" else closure.anchor_hinge
+    return sensor.axis or hinge

@@ -80,5 +80,6 @@ def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
     """Return every key that differs from its default, the pattern's chains expanded."""
     left_out = {"pattern", "parameters", "calibration"}
     document = tomlkit.document()
-    document.update(spec.model_dump(exclude_defaults=True, exclude=left_out, mode="json"))
+    own = spec.model_dump(exclude_defaults=True, exclude=left_out, mode="json")
+    document.update(own)
     return document

@@ -44,7 +44,7 @@ def draw_errors(
     panels = by_unit(coordinate_axes(robot), error, "error")
     title = f"{robot.name}: errors (true − desired)"
     if torque is not None and len(torque) > 2 * _MEAN:
-        turns = {chain.actuator == "revolute" for chain in robot.spec.chain}
+        turns = {actuator == "revolute" for actuator in robot.spec.actuators}
         label = " or ".join(["force (N)"] * (False in turns) + ["torque (N·m)"] * (True in turns))
         title += f"; torques: mean of {_MEAN} periods, thin: each"
         window, ends = np.full(_MEAN, 1 / _MEAN), np.full(_MEAN // 2, np.nan)

@@ -16,6 +16,7 @@ from truepose.robot import knowledge
 from truepose.robot.frames import frames, rotation, rotation_vector
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import angles
 from truepose.robot.workspace import workspace_samples
 from truepose.simulation.plants.exact import ExactPlant
 
@@ -57,18 +58,33 @@ def simulate_log(
     x_d = workspace_samples(robot, _DRAWN * poses, where)
     x_d = x_d[np.isfinite(robot.ikm(x_d, errors="nan", own_mode=True)).all(axis=1)]
     effects = Effects().only("quantization") if effects is None else effects
-    plant = ExactPlant(truth, effects, level=truth.level, seed=seed)
-    visit = plant.visit(robot, x_d, Controller(law="joint"))
-    there = np.flatnonzero(np.isfinite(visit.q_e).all(axis=1))[:poses]
+    visited, frame, q_e = _driven(robot, truth, x_d, seed, effects)
+    there = np.flatnonzero(np.isfinite(q_e).all(axis=1))[:poses]
     if len(there) < poses:
         drawn = _DRAWN * poses
         raise InputError(f"{robot.name}: reached {len(there)} of {drawn} poses of its workspace")
-    x, measured = visit.x[there], None
-    if tracker and robot.spec.mobility == "rotational":
-        measured = x + seen.normal(scale=ANGLE_SIGMA, size=x.shape)
+    x, measured = visited[there], None
+    if tracker and not robot.spec.framed:
+        measured = x + seen.normal(
+            scale=np.where(angles(robot), ANGLE_SIGMA, TRACKER), size=x.shape
+        )
     elif tracker:
-        measured = _tracked(robot, visit.frame[there], seen)
-    return SimulatedLog(truth, x, visit.q_e[there], measured)
+        measured = _tracked(robot, frame[there], seen)
+    return SimulatedLog(truth, x, q_e[there], measured)
+
+
+def _driven(
+    robot: Robot, truth: Robot, x_d: Array, seed: int, effects: Effects
+) -> tuple[Array, Array, Array]:
+    """Return true poses, frames of the platform and readings at rest under the joint law."""
+    if truth.spec.mobility == "mechanism":  # no plant has it; at rest the motors are where sent
+        if effects != Effects().only("quantization"):
+            truth.require_chains("effects at rest")
+        x = truth.fkm(robot.ikm(x_d), x_d, errors="nan")
+        return x, x, truth.read(x, seed, errors="nan")
+    plant = ExactPlant(truth, effects, level=truth.level, seed=seed)
+    visit = plant.visit(robot, x_d, Controller(law="joint"))
+    return visit.x, visit.frame, visit.q_e
 
 
 def _tracked(robot: Robot, frame: Array, rng: np.random.Generator) -> Array:

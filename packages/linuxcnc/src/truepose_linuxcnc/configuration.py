@@ -109,6 +109,7 @@ def to_configuration(
     >>> sorted(files)
     ['machine.table', 'robot.hal', 'robot.ini', 'robot.table']
     """
+    robot.require_chains("a LinuxCNC configuration")
     require_sensors(robot, controller.built_in)
     machine = machine or robot
     require_same_readings(robot, machine)

@@ -14,9 +14,14 @@ from truepose_mujoco import viewing
 from truepose_mujoco.mjcf import to_mjcf
 
 imports = Typer(no_args_is_help=True, help="Make a robot file from another program's model.")
-Pivot = Annotated[
+Platform = Annotated[
     str,
-    Option(metavar="BODY", help="Platform on passive hinges, moved by rods: a foot, hand or head."),
+    Option(
+        "--platform",
+        "--pivot",
+        metavar="BODY",
+        help="Moving platform, moved by rods or legs: a foot, hand, head or plate.",
+    ),
 ]
 
 
@@ -50,18 +55,18 @@ def mjcf(robot: RobotName, out: Out = None, force: Force = False) -> None:
 @imports.command("mjcf")
 def import_mjcf(
     model: Annotated[Path, Argument(help="MJCF file.")],
-    pivot: Pivot,
+    platform: Platform,
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Make a robot file from an ankle, wrist or neck in an MJCF model.
+    """Make a robot file from a parallel robot in an MJCF model: hexapod, delta, ankle, neck.
 
     Rods close its loops: equality/connect, or welds within a rod. Features that a robot file does
     not support are reported.
 
-    Example: **truepose import mjcf humanoid.xml --pivot left_foot -o ankle.toml**
+    Example: **truepose import mjcf humanoid.xml --platform left_foot -o ankle.toml**
     """
-    _import([model], pivot, out, force)
+    _import([model], platform, out, force)
 
 
 @imports.command()
@@ -70,15 +75,15 @@ def urdf(
     loops: Annotated[
         Path, Argument(help="YAML file: closed_loop, type, name_mot, joint_name, joint_type.")
     ],
-    pivot: Pivot,
+    platform: Platform,
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Make a robot file from an ankle, wrist or neck in a URDF and a YAML file of its loops.
+    """Make a robot file from a parallel robot in a URDF and a YAML file of its loops.
 
-    Example: **truepose import urdf robot.urdf robot.yaml --pivot foot -o ankle.toml**
+    Example: **truepose import urdf robot.urdf robot.yaml --platform foot -o ankle.toml**
     """
-    _import([model, loops], pivot, out, force)
+    _import([model, loops], platform, out, force)
 
 
 def _import(read: list[Path], body: str, out: Path | None, force: bool) -> None:
@@ -87,13 +92,12 @@ def _import(read: list[Path], body: str, out: Path | None, force: bool) -> None:
 
     mechanism = importers.from_urdf(*read) if read[1:] else importers.from_mjcf(*read)
     output = out and robotfile.output(out, "-o")
-    spec, notes = importers.pivot_of(mechanism, body)
+    spec, notes = importers.robot_of(mechanism, body)
     text = robotfile.to_toml(spec, {})
     if output:
         files.write({output: text}, read, force)
         wrote(Format.table, out)
     else:
         print(text, end="")
-    left = "to add by hand: [tolerances] of machining and assembly, and sensors"
-    for note in (*notes, left):
+    for note in (*notes, "to add by hand: [tolerances] of machining and assembly, and sensors"):
         say(note, err=output is None)

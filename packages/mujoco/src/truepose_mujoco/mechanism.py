@@ -28,6 +28,7 @@ class Mechanism:
     """A robot with its present parameter values as bodies and joints."""
 
     def __init__(self, robot: Robot):
+        robot.require_chains("a model for MuJoCo")
         if robot.loose:
             raise InputError(f"{robot.name}: {robot.full.reason}")
         self.robot = robot

@@ -29,6 +29,7 @@ def to_json(robot: Robot) -> str:
     ``root`` has the lower triangular root of the prior covariance by rows. Raises InputError for a
     robot without tolerances.
     """
+    robot.require_chains("a file for the browser")
     names = require_uncertain(robot)
     finest = robot.at_highest_level
     known, drawn = knowledge(finest, error=False).core, finest.core_drawn

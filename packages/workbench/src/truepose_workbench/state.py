@@ -115,6 +115,7 @@ def begin(robot: Robot) -> State:
     >>> {name: round(error, 6) for name, error in state.errors.items()}
     {'chain1.rod': 0.003}
     """
+    robot.require_chains("the workbench")
     return State(robot, robot, robot.at_highest_level, robot.home)
 
 

@@ -45,8 +45,9 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
 
     amounts = np.array([known.value for known in fit.others.values()])
     factor, shift = change(amounts)
-    chains = [(f"chain{k + 1}.gain", f"chain{k + 1}.encoder_offset") for k in range(fit.robot.m)]
-    keys = [*chains, *((f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors)]
+    named = fit.robot.spec.of_motor
+    motors = [(named(k, "gain"), named(k, "encoder_offset")) for k in range(fit.robot.m)]
+    keys = [*motors, *((f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors)]
     scaled = [name for k in np.flatnonzero(factor != 1) for name in keys[k]]
     moved = [keys[k][1] for k in np.flatnonzero(shift)]
     every = list(dict.fromkeys([*names, *scaled, *moved]))

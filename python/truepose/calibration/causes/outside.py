@@ -48,7 +48,7 @@ class View:
         self.by = registration_of(case.options.registration)
         self.x = poses_of(robot, case.log.readings[:, : robot.m])
         self.spatial = robot.spec.mobility == "spatial"
-        self.moving = robot.spec.mobility != "rotational"  # its angles need no frame
+        self.moving = robot.spec.framed
         self.unknown = self.moving and any(self.by.base_sigma)
         #: whether measured angles tell one exchange of axes from another in an unknown frame
         self.told = self.spatial and bool(

@@ -21,7 +21,7 @@ FACTORS = (2.0, 4.0, 8.0, 30.0)
 def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:
     units = reading_units(case.robot)
     for k in range(case.robot.m):
-        name = f"chain{k + 1}.{ending}"
+        name = case.robot.spec.of_motor(k, ending)
         if name in case.robot.parameters:
             yield _wide(case, [name], text.format(chain=k + 1, motor=f"q{k + 1}"), unit or units[k])
 
@@ -40,7 +40,11 @@ def homing(case: Case) -> Iterator[Hypothesis]:
 
 def rod(case: Case) -> Iterator[Hypothesis]:
     """A rod of another length."""
-    return _chains(case, "rod", "chain {chain}: rod of another length, by", "m")
+    yield from _chains(case, "rod", "chain {chain}: rod of another length, by", "m")
+    for closure in case.robot.spec.closure:
+        if closure.length:
+            text = f"{closure.name}: of another length, by"
+            yield _wide(case, [f"{closure.name}.length"], text, "m")
 
 
 def arm(case: Case) -> Iterator[Hypothesis]:
@@ -51,12 +55,14 @@ def arm(case: Case) -> Iterator[Hypothesis]:
 def joint(case: Case) -> Iterator[Hypothesis]:
     """A joint of base or platform that is mounted elsewhere."""
     known = case.robot.parameters
-    for k in range(1, case.robot.m + 1):
+    spec = case.robot.spec
+    parts = [(f"chain{k}", f"chain {k}") for k in range(1, len(spec.chain) + 1)]
+    for part, told in parts + [(closure.name, closure.name) for closure in spec.closure]:
         for point, body in (("base", "base"), ("anchor", "platform")):
-            names = [name for name in known if name.startswith(f"chain{k}.{point}.")]
+            names = [name for name in known if name.startswith(f"{part}.{point}.")]
             names = [name for name in names if known[name].sigma > 0]
             if names:
-                yield _wide(case, names, f"chain {k}: its joint on the {body} is elsewhere", "m")
+                yield _wide(case, names, f"{told}: its joint on the {body} is elsewhere", "m")
 
 
 def tolerances(case: Case) -> Iterator[Hypothesis]:

@@ -15,11 +15,12 @@ from truepose.exceptions import InputError, choose
 
 #: m, plus this share of the model's size; axes that pass each other nearer than that meet.
 MEET = 1e-6
+FREE, BALL, SLIDE, HINGE = range(4)  #: MuJoCo's kinds of joints
 
 
 @dataclass(eq=False)
 class Link:
-    """Connection of two rigid bodies: joints at one place, or a point that closes a loop.
+    """Connection of two rigid bodies: a joint, joints about one point, or a loop's closing point.
 
     All vectors are in the world frame, with every joint at zero.
     """
@@ -27,16 +28,19 @@ class Link:
     name: str  #: of its first joint, or of the closure
     bodies: tuple[int, int]  #: the one towards the world first; for a closure in its own order
     points: Array  #: (2, 3) position of the link on each body
-    axes: Array  #: (k, 3) axes of rotation, the base's first, or direction of a slide
-    anchors: Array  #: (k, 3) a point of each axis, on the first body
-    slides: bool = False
-    loose: bool = False  #: free, or axes that do not meet
+    axes: Array  #: (k, 3) axes of rotation, or direction of a slide
     ids: tuple[int, ...] = ()  #: of its joints
+    kind: int = BALL  #: MuJoCo's; of joints about one point BALL
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is a slide."""
+        return self.kind == SLIDE
 
     @property
     def turns(self) -> int:
-        """Number of rotations about one common point; 0 without such a point."""
-        return 0 if self.slides or self.loose else len(self.axes)
+        """Number of rotations about its point."""
+        return len(self.axes) if self.kind in (BALL, HINGE) else 0
 
     def other(self, body: int) -> int:
         """Return the other body."""
@@ -48,21 +52,22 @@ class Link:
 
 
 class Mechanism:
-    """Rigid bodies and links between them; a body has the number of its first part."""
+    """Rigid bodies and links between them; a body has the number of its first part.
+
+    Between two joints of one body is a body without parts, of a number beyond those of the model.
+    """
 
     def __init__(self, model: mujoco.MjModel, path: Path):
         kinds, whole = mujoco.mjtEq, np.eye(4)
         self.model, self.source = model, path.name
         self.name = model.names[: model.names.index(b"\0")].decode() or path.stem
         self.data = data = mujoco.MjData(model)  #: every joint at zero
-        scalar = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-        data.qpos[model.jnt_qposadr[np.isin(model.jnt_type, scalar)]] = 0.0
+        data.qpos[model.jnt_qposadr[np.isin(model.jnt_type, (SLIDE, HINGE))]] = 0.0
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        self.hinges = {*np.flatnonzero(model.jnt_type == scalar[0]).tolist()}
-        driving = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
         self.actuators = dict[int, list[int]]()  #: of each driven joint
-        for k in np.flatnonzero(np.isin(model.actuator_trntype, driving)).tolist():
+        # MuJoCo's transmissions 0 and 1 are those of a joint.
+        for k in np.flatnonzero(model.actuator_trntype <= 1).tolist():
             self.actuators.setdefault(int(model.actuator_trnid[k, 0]), []).append(k)
         #: Joints that an equality couples, and its name.
         coupling = _equalities(model, kinds.mjEQ_JOINT)
@@ -78,18 +83,19 @@ class Mechanism:
             self._join(int(model.body_parentid[body]), body, whole)
         for _, (a, b), (first, second) in _closures(model, kinds.mjEQ_WELD):
             self._join(a, b, frames[a] @ first @ inv(second) @ inv(frames[b]))
-        self.links = [self._link(body) for body in jointed]
+        self.links = [link for body in jointed for link in self._joints(body)]
         for name, bodies, places in _closures(model, kinds.mjEQ_CONNECT):
             at = [(frames[b] @ place)[:3, 3] for b, place in zip(bodies, places, strict=True)]
             ends = self._drawn(bodies, at)
-            self.links.append(Link(name, self._pair(bodies), ends, np.eye(3), ends[:1]))
+            self.links.append(Link(name, self._pair(bodies), ends, np.eye(3)))
         moved = (np.abs(self._put - whole) > MEET).any(axis=(1, 2))
         #: Rigid bodies joined by a loop of parts apart at zero.
         self.moved = {*self.body_of[moved].tolist()}
 
     def _pair(self, bodies: tuple[int, int]) -> tuple[int, int]:
         """Return the rigid bodies of two bodies."""
-        return int(self.body_of[bodies[0]]), int(self.body_of[bodies[1]])
+        first, second = self.body_of[[*bodies]].tolist()
+        return first, second
 
     def _drawn(self, bodies: Iterable[int], points: Sequence[Array]) -> Array:
         """Return a point of each body after the body's displacement."""
@@ -107,44 +113,32 @@ class Mechanism:
         self.body_of[moved] = low
 
     def body(self, name: str) -> int:
-        """Return the rigid body that contains the named body."""
+        """Return the number of the named body in MuJoCo's model."""
         names = [self.name_of(k) for k in range(self.model.nbody)]
         if name not in names:
             raise InputError(choose("body", name, names[1:]))
-        return int(self.body_of[names.index(name)])
+        return names.index(name)
 
     def name_of(self, body: int) -> str:
         """Return a body's name."""
-        return self.model.body(body).name or f"body {body}"
+        return (body < self.model.nbody and self.model.body(body).name) or f"body {body}"
 
     def at(self, body: int, but: Link | None = None) -> list[Link]:
         """Return a body's links, without `but`."""
         return [link for link in self.links if body in link.bodies and link is not but]
 
-    def _link(self, body: int) -> Link:
-        """Return one link of all joints of one of MuJoCo's bodies."""
-        model, data, kinds = self.model, self.data, mujoco.mjtJoint
-        pair, first = (int(model.body_parentid[body]), body), int(model.body_jntadr[body])
-        ids = [*range(first, first + model.body_jntnum[body])]
-        axes, anchors = [], []
-        for k in ids:
-            ball = model.jnt_type[k] == kinds.mjJNT_BALL
-            axes += [*np.eye(3)] if ball else [data.xaxis[k]]
-            anchors += [data.xanchor[k]] * (3 if ball else 1)
-        point = meeting(np.array(anchors), np.array(axes)) if len(axes) > 1 else anchors[0]
-        types = model.jnt_type[ids].tolist()
-        slide, free = int(kinds.mjJNT_SLIDE), int(kinds.mjJNT_FREE)
-        slides = types == [slide]
-        return Link(
-            name=model.joint(ids[0]).name or f"joint {ids[0] + 1}",
-            bodies=self._pair(pair),
-            points=self._drawn(pair, [anchors[0] if point is None else point] * 2),
-            axes=np.array(axes),
-            anchors=self._drawn([pair[0]] * len(anchors), anchors),
-            slides=slides,
-            loose=point is None or free in types or (slide in types and not slides),
-            ids=tuple(ids),
-        )
+    def _joints(self, body: int) -> Iterator[Link]:
+        """Yield the links of the joints of one of MuJoCo's bodies."""
+        model, data, parent = self.model, self.data, int(self.model.body_parentid[body])
+        first, (low, high) = int(model.body_jntadr[body]), self._pair((parent, body))
+        last = first + model.body_jntnum[body] - 1
+        for k in range(first, last + 1):
+            upper = high if k == last else model.nbody + k
+            kind, name = int(model.jnt_type[k]), model.joint(k).name or f"joint {k + 1}"
+            points = self._drawn((parent if k == first else body, body), [data.xanchor[k]] * 2)
+            axes = np.eye(3) if kind == BALL else data.xaxis[k : k + 1]
+            yield Link(name, (low, upper), points, axes, (k,), kind)
+            low = upper
 
 
 def _equalities(model: mujoco.MjModel, kind: Any) -> Iterator[tuple[int, str, tuple[int, int]]]:

@@ -36,10 +36,9 @@ def from_mjcf(path: str | Path) -> Mechanism:
     def compiled(whole: bool) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
         if not whole:  # without shapes, whose files may be missing
-            for shape in [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]:
-                spec.delete(shape)
-            for mesh in list(spec.meshes):
-                spec.delete(mesh)
+            shapes = [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH]
+            for part in [*shapes, *spec.meshes]:
+                spec.delete(part)
             _light(spec)
         return spec.compile()
 
@@ -70,6 +69,11 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     _light(spec)
     joints = {joint.name: joint for joint in spec.joints}
     links = {body.name: body for body in spec.bodies}
+    links = {
+        joint.get("name"): links[child.get("link")]
+        for joint in root.iter("joint")
+        for child in joint.iter("child")
+    } | links
     for name, kind in zip(said["joint_name"], said["joint_type"], strict=True):
         joint = _among(joints, name, "joint", loops)
         joint.limited = 0
@@ -83,15 +87,14 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
             joint.parent.add_joint(name=f"{name} {kind[-1]}", axis=second)
     for pair, kind in zip(said["closed_loop"], said["type"], strict=True):
         name, kinds = "-".join(map(str, pair)), mujoco.mjtEq
-        ends = [f"{name} {k}" for k in range(2)]
-        for link, end in zip(pair, ends, strict=True):
-            _among(links, link, "link", loops).add_site(name=end)
+        for k, link in enumerate(pair):
+            _among(links, link, "link", loops).add_site(name=f"{name} {k}")
         spec.add_equality(
             name=name,
             type=kinds.mjEQ_WELD if kind == "6d" else kinds.mjEQ_CONNECT,
             objtype=mujoco.mjtObj.mjOBJ_SITE,
-            name1=ends[0],
-            name2=ends[1],
+            name1=f"{name} 0",
+            name2=f"{name} 1",
         )
     for name in said["name_mot"]:
         _among(joints, name, "joint", loops)
@@ -197,10 +200,10 @@ def _loops(path: Path) -> dict[str, list]:
     data = _yaml(path)
     if not isinstance(data, dict):
         raise InputError(f"{path}: must have the keys closed_loop, type, name_mot")
-    found: dict[str, list] = {}
-    for key in ("closed_loop", "type", "name_mot", "joint_name", "joint_type"):
-        found[key] = data.get(key) or []
-        if not isinstance(found[key], list):
+    keys = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+    found = {key: data.get(key) or [] for key in keys}
+    for key, value in found.items():
+        if not isinstance(value, list):
             raise InputError(f"{path}: {key}: must be a list")
     for one, other in (("closed_loop", "type"), ("joint_name", "joint_type")):
         if len(found[one]) != len(found[other]):
