@@ -80,6 +80,6 @@ def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
                 own.motor, own.mode = freedom[motors[0]], rod.working_mode or 0
         closures.append(own)
     start = spec.start | dict(zip(order[spec.m :], spec.home, strict=False))
-    y = [start.get(name, 0.0) for name in order]
+    y = np.array([start.get(name, 0.0) for name in order])
     joints, platform = len(spec.closure), place["platform"]
     robot.set_mechanism(bodies, closures, joints, platform, spec.n, y)
