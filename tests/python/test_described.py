@@ -176,9 +176,9 @@ def test_sensors_of_a_mechanism_can_be_chosen_by_price(described):
 AS_BODIES = """
 name = "as_bodies"
 home = [0.0, 0.0, 0.0]
-start = { q1 = 0.8, q2 = 0.8, q3 = 0.8 }
+start = { START }
 [pattern]
-repeat = 3
+repeat = COUNT
 about = "z"
 [motor_defaults]
 encoder_counts = 65536
@@ -211,12 +211,15 @@ counts = 16384
 """
 
 
-def test_a_robot_of_chains_is_the_same_as_bodies_and_closures(load, anywhere, rng):
-    """The 3-RRR: models, laws' leakage and predicted accuracy."""
-    chains = tp.load("3rrr").with_sensors("theta")
+@pytest.mark.parametrize(("name", "count"), [("3rrr", 3), ("4rrr", 4)])
+def test_a_robot_of_chains_is_the_same_as_bodies_and_closures(name, count, load, anywhere, rng):
+    """Planar robots, one with a redundant motor: models, laws' leakage and predicted accuracy."""
+    chains = tp.load(name).with_sensors("theta")
     tolerances = {k: v for k, v in chains.spec.tolerances.items() if k != "chain*.arm"}
     chains = chains.with_file(tolerances=tolerances)
-    bodies, x = load(AS_BODIES).with_sensors("theta"), anywhere(chains, 100, rng)
+    start = ", ".join(f"q{k} = 0.8" for k in range(1, count + 1))
+    bodies = load(AS_BODIES.replace("START", start).replace("COUNT", str(count)))
+    bodies, x = bodies.with_sensors("theta"), anywhere(chains, 100, rng)
     q = chains.ikm(x)
     assert bodies.ikm(x) == pytest.approx(q, abs=1e-12)
     assert bodies.fkm(q) == pytest.approx(x, abs=1e-11)
