@@ -62,13 +62,13 @@ def units_in(spec: RobotFile, stretches: bool = True) -> dict[str, str]:
     units: dict[str, str] = {}
     for i, actuator in enumerate(spec.actuators):
         revolute = actuator == "revolute"
-        keys = ["encoder_offset", *_ECCENTRICITY * revolute, "gain"]
-        keys += ["spool_buildup"] * (not revolute)
-        if spec.chain:
-            keys = [*_xyz("base", "anchor"), "yaw", "tilt", *keys]
+        keys = ["encoder_offset"]
+        if spec.chain:  # this order is that of seeded draws
+            keys = [*_xyz("base", "anchor"), "encoder_offset", "yaw", "tilt"]
             keys += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
             keys += ["arm"] * revolute + ["rod"] * (actuator != "telescopic")
-            keys += (["compliance"] + ["arm_compliance"] * revolute) * stretches
+        keys += _ECCENTRICITY * revolute + ["gain"] + ["spool_buildup"] * (not revolute)
+        keys += (["compliance"] + ["arm_compliance"] * revolute) * bool(stretches and spec.chain)
         own = _CHAIN_UNITS | {"encoder_offset": motor_unit(actuator)}
         units |= {spec.of_motor(i, key): own[key] for key in keys}
     units |= {f"bar{number}.pivot": "m" for number in range(1, len(spec.bar) + 1)}
@@ -99,7 +99,7 @@ def _axes(spec: RobotFile) -> list[tuple[str, bool]]:
 
 def _of_axis(part: str, core: str) -> str:
     """Return a parameter's name; "": of a passive axis, which has no zero."""
-    if part.startswith("axis"):
+    if part.removeprefix("axis").isdigit():
         return f"{part}.{core}" if core != "zero" else ""
     return f"{part}.{core.replace('direction', 'axis')}"
 
