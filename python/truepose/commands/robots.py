@@ -85,13 +85,14 @@ def new_command(
         raise InputError(choose("robot", robot, known))
     document = tomlkit.parse(known[robot].read_text(encoding="utf-8"))
     document["name"] = out.stem
+    changed = next(name for name in load(robot).parameters if name.endswith(".base.x"))
     text = (
         f"# A {robot} to start from: change its numbers to those of your drawings.\n"
         f"# `truepose check {one_line(out)}` explains what is wrong with them,\n"
         f"# `truepose info {one_line(out)}` prints the robot's reach and conditioning.\n"
         "# Short form, for a few values that differ from the shipped robot's:\n"
         f'#     based_on = "{robot}"\n'
-        '#     parameters = { "chain1.base.x" = 0.2 }\n#\n'
+        f'#     parameters = {{ "{changed}" = 0.2 }}\n#\n'
     )
     text += document.as_string()
     robotfile.parse(text, str(out))  # the name is the file's, and may be invalid for a robot
