@@ -117,7 +117,7 @@ def at_poses(
     rows, lead = flattened(robot, x, robot.n, "x", errors)
     *results, status, chain = function(robot.core, rows, *arguments)
     require_answers(robot, "pose", rows, lead, status, chain, errors, level=level)
-    return [of.reshape(*lead, *of.shape[1:]) for of in results]
+    return [of.reshape((*lead, *of.shape[1:]))[()] for of in results]
 
 
 def together(

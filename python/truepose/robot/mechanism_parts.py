@@ -24,7 +24,8 @@ def mechanism_parts(robot: Kinematics, x: Array) -> tuple[list[Part], list[Array
     parts: list[Part] = []
     for (_, of, kind), pair in zip(equations(spec), ends, strict=True):
         rods[of.name] = A, B = pair[::-1] if kind == "anchor_hinge" else pair
-        on[of.anchor_body].append(A), on[of.base_body].append(B)
+        on[of.anchor_body].append(A)
+        on[of.base_body].append(B)
         if kind == "motor":
             motors[of.motor] = B
             parts += [line("leg", B, B + 0.55 * (A - B), 6.0), line("motor", B, B, 9.0)]
