@@ -127,4 +127,5 @@ class Dynamics(Kinematics):
     def _dynamics(self, function: Callable[..., Any], errors: Errors, **motion: ArrayLike) -> Array:
         x, *others = together(self, errors, motors="torque", **motion)
         rows = [np.ascontiguousarray(values.reshape(-1, values.shape[-1])) for values in others]
+        self.require_chains("dynamics")
         return at_poses(self, x, errors, function, *rows)[0]

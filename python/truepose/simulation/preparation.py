@@ -68,7 +68,6 @@ def prepare(
     law = "joint" if callable(controller.law) else controller.law
     believed, known = knowledge.for_law(robot, law)
     rows, loaded = start[None], controller.integral == 0
-    robot.require_chains("a simulation")
     model = believed if learn is None else learn.robot
     by = (model.core, truth.core, gains, known, loaded)
     at_rest, status, chain, _ = _core.settle(*by, rows, None, [])
