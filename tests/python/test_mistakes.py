@@ -60,7 +60,7 @@ MISTAKES = {
     "a level": (lambda: H4.with_level("fulll"), "did you mean 'full'"),
     "an unknown sensor": (lambda: H4.with_sensors("thetta"), "did you mean 'theta'"),
     "a sensor twice": (lambda: H4.with_sensors("theta", "theta"), "named twice"),
-    "no such robot": (lambda: tp.load("h5"), "choices: 3rpr, .*or the path of a robot file"),
+    "no such robot": (lambda: tp.load("h5"), "choices: .*3rpr, .*or the path of a robot file"),
     "a robot loaded": (lambda: tp.load(H4), "must be a shipped robot's name or a file's path"),
     "a folder loaded": (lambda: tp.load("."), "Is a directory"),
     "a parameter misspelt": (

@@ -172,7 +172,7 @@ def limited(robot, **values):
 
 
 def test_a_path_that_leaves_the_workspace_is_refused_before_anything_moves(h4, monkeypatch):
-    monkeypatch.delattr("truepose._core.Loop")
+    monkeypatch.delattr("truepose._core.Simulation")
     line = r"^h4: path at t = 0\.\d+ s: pose x = \[.*\]: chain \d: (unreachable|beyond a joint l)"
     with refused(line, tp.PoseError):
         tp.simulate(h4, path=[h4.home, [0, 0, -2, 0]], run=Run(duration=2))
@@ -187,7 +187,7 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
     q = h4.ikm(points.x)
     rates, torques = np.gradient(q, PERIOD, axis=0), h4.inverse_dynamics(*points)
     tp.simulate(limited(h4, speed_limit=1.01 * np.abs(rates).max()), path=path)
-    monkeypatch.delattr("truepose._core.Loop")
+    monkeypatch.delattr("truepose._core.Simulation")
     for name, values, unit in (("speed", rates, "rad/s"), ("torque", torques, "N·m")):
         most = 0.8 * np.abs(values).max()
         k, motor = np.argwhere(np.abs(values) > most)[0]
