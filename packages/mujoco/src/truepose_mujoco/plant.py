@@ -172,11 +172,11 @@ class _Drive:
     ) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
         core, q_e = self.believed.core, sensed
-        setpoint = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
+        x, rate, faster = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.m, q_e)
-        cycle = core, self.settings, *setpoint, q_e, self.known, self.bus, self.monitor
-        status, _ = self.state.step(*cycle, frozen, begins)
+        by = self.known, self.bus, self.monitor
+        status, _ = self.state.step(core, self.settings, x, rate, faster, q_e, *by, frozen, begins)
         return int(status)
 
     def _theta(self) -> float:

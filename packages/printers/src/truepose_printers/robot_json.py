@@ -54,7 +54,9 @@ def to_json(robot: Robot) -> str:
         "parameters": [
             {"name": name, "unit": unit_of(robot, name), "column": column, "mean": expected}
             | {"value": robot.parameters[name].value}
-            for name, column, expected in zip(names, known.column, mean.tolist(), strict=True)
+            for name, column, expected in zip(
+                names, known.column.tolist(), mean.tolist(), strict=True
+            )
         ],
         "root": [row[: k + 1] for k, row in enumerate(known.root.tolist())],
         "sigma": known.sigma[: robot.m + robot.r].tolist(),
