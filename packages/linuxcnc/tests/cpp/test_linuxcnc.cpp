@@ -635,7 +635,7 @@ TEST("a motor that is not heard, or not told, asks for its amplifier to go off")
 }
 
 TEST("inside the shell a machine switches on and off as without, and what stops it must be reset") {
-  for_each([](const Mechanism& mechanism) {
+  for_each_square([](const Mechanism& mechanism) {
     if (mechanism.robot.r == 0) return;
     const int n = mechanism.robot.motors;
     const std::uint32_t all = bit(n) - 1;
