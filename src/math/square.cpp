@@ -139,6 +139,7 @@ Inverted invert(int rows, int n, const Square& a, const Unknowns& size, Real dam
 int determinant_sign(int n, const Square& a) {
   Square inverse;
   if (n <= 4) return invert(n, n, a, {}, 0, inverse).sign;
-  return (n == 6 ? by_elimination<6, false> : by_elimination<0, false>)(n, a, {}, inverse).sign;
+  if (n == 6) return by_elimination<6, false>(n, a, {}, inverse).sign;
+  return by_elimination<0, false>(n, a, {}, inverse).sign;
 }
 }  // namespace truepose

@@ -150,7 +150,7 @@ double ramp(double correction) { return 1.875 * correction * kPeriod / 0.2; }
 
 TEST("joints of a pose lead back to it, in machine units, and other axes pass") {
   check::Random random(1);
-  for_each([&](const Mechanism& mechanism) {
+  for_each_square([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
     CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
@@ -183,7 +183,7 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
 
 TEST("the forward model starts from the axes it is given, wherever the robot was before") {
   check::Random random(4);
-  for_each([&](const Mechanism& mechanism) {
+  for_each_square([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
     CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
