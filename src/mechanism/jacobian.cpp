@@ -13,6 +13,17 @@ Unknowns inverse_rows(const Closure& closure, Square& K) {
   });
 }
 
+namespace {
+/// J = K⁺; kept apart from the square J, whose stack is smaller.
+[[gnu::noinline]] Outcome invert_rows(const Closure& closure, Jacobians& jacobians) {
+  jacobians.sign = 0;
+  Square K;
+  const Unknowns sizes = inverse_rows(closure, K);
+  const bool inverse = bool(invert(jacobians.motors, jacobians.n, K, sizes, 0, jacobians.J));
+  return {inverse ? Status::ok : Status::singular, -1};
+}
+}  // namespace
+
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   const int n = jacobians.n = closure.carried.n, m = jacobians.motors = closure.motors;
   const Unknowns size = jx_rows(closure.carried, m, jacobians.jx, [&](int i) {
@@ -24,12 +35,7 @@ Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
     if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
   }
-  if (m > n) {
-    jacobians.sign = 0;
-    Square K;
-    const Unknowns sizes = inverse_rows(closure, K);
-    return {invert(m, n, K, sizes, 0, jacobians.J) ? Status::ok : Status::singular, -1};
-  }
+  if (m > n) return invert_rows(closure, jacobians);
   const Inverted inverse = invert(n, n, jacobians.jx, size, 0, jacobians.J);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
