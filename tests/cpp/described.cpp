@@ -141,7 +141,7 @@ Mechanism robot_of(const Described& of) {
     chain.actuator = legs ? Actuator::telescopic : arms ? Actuator::revolute : Actuator::prismatic;
     chain.encoder_offset = 0.01 * i, chain.encoder_gain = i == 2 ? -0.8 : 1;
     if (arms)
-      chain.eccentricity.amplitude = {0.01 * i, 0.005, 0, 0.002};
+      chain.eccentricity = {2, {0.01 * i, 0.005, 0, 0.002}};
     else
       chain.encoder_buildup = 0.05 * i;
   }
