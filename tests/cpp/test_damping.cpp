@@ -147,6 +147,30 @@ TEST("in the band J is the damped least squares of its definition, and its gain 
   });
 }
 
+TEST_EACH(for_each_overdriven, "with redundant motors J is the least squares of the damped rows") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(62);
+  int damped = 0;
+  for (int sample = 0; sample < 100; ++sample) {
+    Closure closure;
+    CHECK(ikm(robot, to_pose(K, random_pose(mechanism, random)), closure));
+    const Conditioning exact(closure);
+    const double band = 1.05 * exact.least();
+    if (exact.parallel() < band) continue;
+    ++damped;
+    Jacobians jacobians;
+    CHECK(jacobian(closure, band, jacobians).status == Status::near_singular);
+    Dense rows(motors, n);
+    for (int i = 0; i < motors; ++i)
+      for (int j = 0; j < n; ++j) rows(i, j) = jacobians.jx[i][j] / closure.chain[i].jq;
+    const Dense J = reference::solve(rows.transpose() * rows, rows.transpose());
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < motors; ++j)
+        CHECK_NEAR(jacobians.J[i][j], J(i, j), 1e-9 * (1 + std::fabs(J(i, j))));
+  }
+  CHECK((damped > 10) == (robot.chain[0].actuator != Actuator::telescopic));  // no arm, no band
+}
+
 TEST("across a singularity of type 2 the torques stay bounded and steady, and the status warns") {
   for_each_crossing([](const Crossing& crossing) {
     const Mobility K = crossing.mechanism.robot.mobility;

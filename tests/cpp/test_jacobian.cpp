@@ -141,3 +141,19 @@ TEST("the sign of a determinant agrees with elimination, and zero is zero") {
     }
   });
 }
+
+TEST("a matrix that loses rank is not regular, of any size") {
+  check::Random random(61);
+  for (int n = 2; n <= kMaxUnknowns; ++n) {
+    Square a{}, inverse;
+    Unknowns size{};
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        a[i][j] = i < n - 1 ? random() : a[0][j] - 2 * a[n - 2][j];
+        size[j] += 5 * a[i][j] * a[i][j];
+      }
+    CHECK(!invert(n, n, a, size, 0, inverse));
+    a[n - 1][0] += 1;
+    CHECK(invert(n, n, a, size, 0, inverse));
+  }
+}

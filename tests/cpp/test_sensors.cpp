@@ -2,6 +2,7 @@
 #include <functional>
 
 #include "estimation/linearise.hpp"
+#include "mechanism/geometry.hpp"
 #include "mechanisms.hpp"
 
 using namespace mechanisms;
@@ -187,6 +188,9 @@ void for_each_with_sensors(F&& f) {
       for (std::size_t k = first; k < all.size() && robot.r < most; ++k)
         robot.sensor[robot.r++] = all[k];
       CHECK(finish(robot));
+      for (int k = 0; k < robot.r; ++k)  // up is against gravity
+        if (robot.sensor[k].kind == SensorKind::inclinometer)
+          CHECK_NEAR((robot.sensor[k].origin + robot.gravity.normalized()).norm(), 0, 1e-15);
       f(false, mechanism, robot);
       if (full) f(true, mechanism, robot);
     }
@@ -280,5 +284,17 @@ TEST("a kind's reading depends on the vectors of its mounting, on each of them, 
     const unsigned vertical = row.kind == SensorKind::inclinometer ? kOrigin : 0u;
     for (unsigned vector = 0; vector < 4; ++vector)
       CHECK(moves[vector] == (((row.mounting | vertical) & 1u << vector) != 0));
+  }
+}
+
+TEST_EACH(for_each, "a robot is what its own parameters make of it") {
+  Robot robot = mechanism.robot;
+  std::vector<double> xi(parameter_count(robot));
+  CHECK(drawn_parameters(robot, xi.data()));
+  CHECK(set_parameters(mechanism.robot, xi.data(), robot));
+  for (int i = 0; i < motors; ++i) {
+    const Chain &same = robot.chain[i], &drawn = mechanism.robot.chain[i];
+    CHECK_NEAR((same.pair_axis - drawn.pair_drawn).norm(), 0, 1e-15);
+    CHECK_NEAR((same.axis - drawn.axis).norm() + (same.zero - drawn.zero).norm(), 0, 1e-15);
   }
 }
