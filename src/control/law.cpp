@@ -118,7 +118,7 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   if (!outcome) return outcome;
   extend(robot, reference.closure.q(), r, reference.q_e);
   reference.pose = reference.closure.pose;
-  if (robot.rod_by_rod()) {
+  if (robot.rod_by_rod() && !is_mechanism(robot.mobility)) {  // whose one level is closed already
     outcome = extended(Level::full, robot, reference.pose, reference.q_e, &rest);
     if (outcome) outcome = within_limits(robot, motors_of(robot, reference.q_e));
     // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.

@@ -1,4 +1,4 @@
-// Limits of the safety shell. truepose/offline/safety_defaults.hpp derives them from a robot.
+// Limits of the safety shell. control/safety_defaults.hpp derives them from a robot.
 #pragma once
 
 #include "mechanism/robot.hpp"

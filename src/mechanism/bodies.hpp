@@ -38,8 +38,8 @@ struct Closure {
   Real compliance = 1;  ///< of an elastic mechanism: change of f per tension (L² for equal springs)
   bool plane = false;
   Vec3 normal = Vec3::UnitZ();  ///< of a plane, unit, in the body of B
-  int joint = 0;                ///< all equations of one described closure share its parameters
-  bool exchanged = false;       ///< A is the described closure's base, B its anchor
+  int described = 0;       ///< the file's closure of which it is an equation: they share parameters
+  bool exchanged = false;  ///< A is the described closure's base, B its anchor
 };
 
 /// y = [motors q; platform coordinates x; hidden h]. Only the first of each kind are read.
@@ -50,7 +50,7 @@ struct Mechanism {
   /// One closure more than x and h need: all deflect, equally stiff, as little as closes the loops.
   bool elastic = false;
   int platform = -1;  ///< body whose frame is the robot's platform
-  int joints = 0;     ///< described closures
+  int described = 0;  ///< closures of the file, of one to three equations each
   /// y at the robot's home; finish closes the loops there, from these motors and hidden freedoms.
   std::array<Real, kFreedoms> home{};
   std::array<Body, kBodies> body;

@@ -5,19 +5,22 @@
 
 namespace truepose {
 namespace {
-/// Closes a described mechanism's loops from its home, the held freedoms moved in stages.
-FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& unknown,
+/// Closes a described mechanism's loops from its home, the held freedoms moved in stages, in at
+/// most `most` steps together.
+FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& unknown, int most,
                           engine::Position& at) {
   const engine::Row end = at.y;
   at.y = m.home;
   FkmResult result;
   for (int stage = 1; stage <= kFkmStages && result; ++stage) {
+    const int left = most - result.iterations;
+    if (left <= 0) return {{Status::not_converged}, result.iterations, result.residual};
     engine::Row y = end;
     for (int j = 0; j < m.freedoms; ++j)
       y[j] -= (end[j] - m.home[j]) * (kFkmStages - stage) / kFkmStages;
     for (int k = 0; k < unknown.count; ++k) y[unknown.index[k]] = at.y[unknown.index[k]];
     at.y = y;
-    const FkmResult next = engine::close(m, at, unknown);
+    const FkmResult next = engine::close(m, at, unknown, left);
     result = {next, result.iterations + next.iterations, next.residual};
   }
   return result;
@@ -26,23 +29,26 @@ FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& un
 /// Closes the rods for the unknown freedoms from the start in `closure`, and reads pose and motors
 /// off. @param near  θ nearby, and ψ where there are no bars
 FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Freedoms& unknown,
-                     int most, bool start_closed, FullClosure& closure) {
+                     int cap, bool start_closed, FullClosure& closure) {
   const Built& built = closure.built;
   engine::Position& at = closure.at;
   const engine::Row start = at.y;
-  FkmResult result = engine::close(built.mechanism, at, unknown, most, start_closed);
-  if (is_mechanism(robot.mobility) && !result && result.status != Status::not_finite) {
+  FkmResult result =
+      engine::close(built.mechanism, at, unknown, std::min(kFkmIterations, cap), start_closed);
+  const bool described = is_mechanism(robot.mobility);
+  const int left = std::min(kFkmIterations, cap - result.iterations);
+  if (described && !result && result.status != Status::not_finite && left > 0) {
     engine::Position again = at;
     again.y = start;
-    const FkmResult staged = close_from_home(built.mechanism, unknown, again);
+    const FkmResult staged = close_from_home(built.mechanism, unknown, left, again);
     if (staged) at = again;
     result = {staged ? staged : result, result.iterations + staged.iterations, at.residual};
   }
   if (result.chain >= 0) result.chain /= built.rods_per_chain;
   const engine::Frame& platform = at.frame[built.platform];
   closure.pose = {{platform.p, platform.R, theta_of(platform.R, near.theta)}, near.psi};
-  if (is_mechanism(robot.mobility)) closure.pose = {{near.D, platform.R, 0}, near.psi};
-  for (int j = 0; j < dof(robot.mobility) && is_mechanism(robot.mobility); ++j)
+  if (described) closure.pose.D = near.D;  // which holds x
+  for (int j = 0; j < dof(robot.mobility) && described; ++j)
     closure.pose.D[j] = at.y[built.mechanism.motors + j];
   for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
   for (int i = 0; i < robot.motors; ++i) closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
@@ -152,8 +158,7 @@ FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& c
   const engine::Mechanism& m = closure.built.mechanism;
   closure.at.y = stand(robot, closure.built, q, pose);
   for (int j = m.motors + m.coordinates; j < m.freedoms; ++j) closure.at.y[j] += rest.y[j];
-  const int most = std::min(kFkmIterations, cap);
-  FkmResult result = close_rods(robot, pose, engine::forward(m), most, false, closure);
+  FkmResult result = close_rods(robot, pose, engine::forward(m), cap, false, closure);
   pose = closure.pose;
   if (result && other_mode(m.sign, engine::mode_of(m, closure.at)))
     result.status = Status::branch_lost;
@@ -186,7 +191,7 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasi
     closure.at.y = start;
     for (int k = 0; k < unknown.count && near; ++k)
       closure.at.y[unknown.index[k]] += rest->y[unknown.index[k]];
-    result = close_rods(robot, to_full(pose), unknown, kFkmIterations, near, closure);
+    result = close_rods(robot, to_full(pose), unknown, kFkmCap, near, closure);
     if (result || !near) break;
   }
   if (result && rest) *rest = closure.residual(start);

@@ -81,7 +81,7 @@ void exchange(Robot& robot, Real* xi, bool to_xi) {
     described ? exchange(with, m.body[j]) : exchange(with, robot.axis[j]);
   }
   for (int i = 0; i < m.closures && described; ++i)
-    exchange({xi + closure_column(robot, m.closure[i].joint), to_xi}, m.closure[i]);
+    exchange({xi + closure_column(robot, m.closure[i].described), to_xi}, m.closure[i]);
 }
 }  // namespace
 

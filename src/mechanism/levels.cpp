@@ -51,9 +51,8 @@ Outcome ikm(Level level, const Robot& robot, const Coordinates& x, Joint& q) {
 FkmResult fkm(Level level, const Robot& robot, const Joint& q, Coordinates& x, int cap) {
   if (!robot.finished) return {{Status::unfinished, -1}};
   if (by_engine(level, robot))
-    return is_mechanism(robot.mobility) || robot.full.own()
-               ? fkm_full(robot, q, x, cap)
-               : FkmResult{{Status::no_full_level, -1}};
+    return engine_closes(robot) ? fkm_full(robot, q, x, cap)
+                                : FkmResult{{Status::no_full_level, -1}};
   Pose pose = to_pose(robot.mobility, x);
   const FkmResult result = fkm(robot, q, pose, cap);
   x = to_coordinates(robot.mobility, pose);
@@ -61,9 +60,8 @@ FkmResult fkm(Level level, const Robot& robot, const Joint& q, Coordinates& x, i
 }
 
 Status motors_pose(Level level, const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
-  return is_mechanism(robot.mobility) || (level == Level::full && robot.full.own())
-             ? motors_pose_full(robot, q, pose, rest)
-             : fkm(robot, q, pose, kFkmStart).status;
+  return by_engine(level, robot) && engine_closes(robot) ? motors_pose_full(robot, q, pose, rest)
+                                                         : fkm(robot, q, pose, kFkmStart).status;
 }
 
 Outcome jacobian(Level level, const Robot& robot, const Coordinates& x, JointMatrix& J) {

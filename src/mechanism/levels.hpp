@@ -16,6 +16,11 @@ inline bool by_engine(Level level, const Robot& robot) {
          (level == Level::full && robot.full.kind != FullKind::same);
 }
 
+/// Whether the engine can: a described mechanism, or rods that hold the platform.
+inline bool engine_closes(const Robot& robot) {
+  return is_mechanism(robot.mobility) || robot.full.own();
+}
+
 namespace levels_detail {
 /// Kept apart from the ideal level, whose stack is small.
 template <class F>
@@ -36,9 +41,8 @@ Outcome closed(Level level, const Robot& robot, const Pose& pose, F&& f, Parasit
                bool angle = true) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (by_engine(level, robot))
-    return is_mechanism(robot.mobility) || robot.full.own()
-               ? levels_detail::closed_full(robot, pose, f, rest)
-               : Outcome{Status::no_full_level, -1};
+    return engine_closes(robot) ? levels_detail::closed_full(robot, pose, f, rest)
+                                : Outcome{Status::no_full_level, -1};
   Closure closure;
   const Outcome outcome = ikm(robot, pose, closure, angle);
   return outcome ? f(closure) : outcome;

@@ -8,8 +8,8 @@ int axis_column(const Robot& robot, int axis) {
          axis * kAxisParameters;
 }
 
-int closure_column(const Robot& robot, int joint) {
-  return axis_column(robot, joints_of(robot)) + joint * kClosureParameters;
+int closure_column(const Robot& robot, int described) {
+  return axis_column(robot, joints_of(robot)) + described * kClosureParameters;
 }
 
 namespace {
@@ -199,7 +199,7 @@ void Readings::described_columns(int closure) {
   const auto rotation = [&](int body) { return body < 0 ? Mat3::Identity() : at.frame[body].R; };
   const Mat3 R_a = rotation(of.body_a), R_b = rotation(of.body_b);
   const auto column = [&](ClosureParameter parameter) {
-    return closure_column(robot, of.joint) + static_cast<int>(parameter);
+    return closure_column(robot, of.described) + static_cast<int>(parameter);
   };
   const ClosureParameter A = of.exchanged ? base_x : anchor_x, B = of.exchanged ? anchor_x : base_x;
   const Vec3 d = at.A[closure] - at.B[closure];

@@ -86,12 +86,12 @@ inline int joints_of(const Robot& robot) {
 }
 
 int axis_column(const Robot& robot, int axis);
-int closure_column(const Robot& robot, int joint);
+int closure_column(const Robot& robot, int described);
 
 /// ξ: chains, then c of the bars, the sensors in use, the passive axes or the mechanism's joints,
 /// and its closures.
 inline int parameter_count(const Robot& robot) {
-  return closure_column(robot, is_mechanism(robot.mobility) ? robot.mechanism.joints : 0);
+  return closure_column(robot, is_mechanism(robot.mobility) ? robot.mechanism.described : 0);
 }
 
 inline int chain_column(int chain) { return chain * kChainParameters; }

@@ -45,7 +45,7 @@ Outcome parts_exist(const Robot& robot) {
   const bool whole = engine::check_parts(m) && m.motors == robot.motors &&
                      m.coordinates == dof(robot.mobility) && below(m.platform, m.bodies);
   for (int i = 0; i < m.closures && whole; ++i)
-    if (!below(m.closure[i].joint, m.joints)) return missing(-1);
+    if (!below(m.closure[i].described, m.described)) return missing(-1);
   return whole ? Outcome{} : missing(-1);
 }
 

@@ -173,14 +173,14 @@ void bind_robot(nb::module_& m) {
            })
       .def("set_mechanism",
            [](Robot& robot, const std::vector<engine::Body>& bodies,
-              const std::vector<engine::Closure>& closures, int joints, int platform,
+              const std::vector<engine::Closure>& closures, int described, int platform,
               int coordinates, const std::vector<double>& home) {
              engine::Mechanism& of = robot.mechanism = {};
              robot.finished = false;
              of.bodies = static_cast<int>(bodies.size());
              of.closures = static_cast<int>(closures.size());
              of.freedoms = static_cast<int>(home.size());
-             of.joints = joints, of.platform = platform;
+             of.described = described, of.platform = platform;
              of.motors = robot.motors, of.coordinates = coordinates;
              std::copy_n(bodies.begin(), std::min(bodies.size(), of.body.size()), of.body.begin());
              std::copy_n(closures.begin(), std::min(closures.size(), of.closure.size()),
@@ -289,7 +289,7 @@ void bind_structs(nb::module_& m) {
   structure<engine::Closure>(
       m, "MechanismClosure",
       TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, mode,
-                       compliance, plane, normal, joint, exchanged));
+                       compliance, plane, normal, described, exchanged));
   structure<FullLevel>(m, "FullLevel", TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess));
   structure<ControlSettings>(m, "ControlSettings", c::table_of<ControlSettings>)
       .def("place_poles",

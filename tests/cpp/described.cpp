@@ -130,9 +130,9 @@ Mechanism robot_of(const Described& of) {
   robot.chains = robot.motors = m.motors;
   robot.mechanism.home = of.home;
   robot.mechanism.platform = 5;
-  robot.mechanism.joints = 4;
+  robot.mechanism.described = 4;
   for (int i = 0; i < m.closures; ++i)
-    robot.mechanism.closure[i].joint = m.closures == 6 ? i / 2 : i;
+    robot.mechanism.closure[i].described = m.closures == 6 ? i / 2 : i;
   std::copy_n(of.home.begin() + m.motors, 3, robot.home.begin());
   std::copy_n(of.box.begin() + m.motors, 3, made.box.begin());
   const bool legs = m.closure[0].driven >= 0, arms = m.motors == 4;

@@ -64,6 +64,20 @@ TEST_EACH(for_each_described, "the pose is found again from home, 1000 times, at
   CHECK_NEAR(slope, 0, 1e-7);
 }
 
+TEST_EACH(for_each_described, "random motors end in a status within the steps allowed") {
+  const Robot& robot = mechanism.robot;
+  check::Random random(145);
+  for (const int cap : {1, 24, kFkmCap})
+    for (int k = 0; k < 200; ++k) {
+      Joint q{};
+      for (int i = 0; i < motors; ++i) q[i] = 2 * random();
+      Coordinates x = robot.home;
+      const FkmResult result = fkm(Level::ideal, robot, q, x, cap);
+      CHECK(result.iterations <= cap);
+      CHECK(all_finite(x, n));
+    }
+}
+
 TEST_EACH(for_each_described, "H_x and H_xi are the derivatives of every reading") {
   const Robot& robot = mechanism.robot;
   check::Random random(142);

@@ -40,8 +40,8 @@ def of_mechanism(robot: _core.Robot, spec: RobotFile) -> str | None:
 
 def _named(every: list, part: int) -> str:
     """Name an equation by its closure, and by its key where the closure has several."""
-    joint, of, kind = every[part]
-    several = sum(other.joint == joint for other in every) > 1
+    described, of, kind = every[part]
+    several = sum(other.described == described for other in every) > 1
     return f"{of.name}.{kind}" if several and kind.endswith("hinge") else of.name
 
 

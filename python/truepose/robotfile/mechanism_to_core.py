@@ -12,7 +12,7 @@ from truepose.robotfile.schema import RobotFile
 class Equation(NamedTuple):
     """An equation of a closure: a rod or leg, or the plane of a hinge at B or at A."""
 
-    joint: int  #: the closure's index
+    described: int  #: the closure's index
     of: Closure
     kind: str  #: length, motor, base_hinge or anchor_hinge: the key that it is from
 
@@ -61,13 +61,13 @@ def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
         body.ratio, body.offset = of.ratio, of.zero
         bodies.append(body)
         last = of
-    for joint, rod, kind in equations(spec):
+    for described, rod, kind in equations(spec):
         own = _core.MechanismClosure()
         ends = [
             (place[rod.anchor_body], np.array(rod.anchor)),
             (place[rod.base_body], np.array(rod.base)),
         ]
-        own.joint, own.plane = joint, kind.endswith("hinge")
+        own.described, own.plane = described, kind.endswith("hinge")
         own.exchanged = kind == "anchor_hinge"
         (own.body_a, own.a), (own.body_b, own.b) = ends[::-1] if own.exchanged else ends
         if own.plane:
@@ -81,5 +81,4 @@ def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
         closures.append(own)
     start = spec.start | dict(zip(order[spec.m :], spec.home, strict=False))
     y = np.array([start.get(name, 0.0) for name in order])
-    joints, platform = len(spec.closure), place["platform"]
-    robot.set_mechanism(bodies, closures, joints, platform, spec.n, y)
+    robot.set_mechanism(bodies, closures, len(spec.closure), place["platform"], spec.n, y)
