@@ -217,3 +217,13 @@ TEST_EACH(for_each_overdriven,
   Coordinates x = robot.home;
   CHECK(fkm(Level::ideal, robot, q, x).status == Status::not_converged);
 }
+
+TEST_EACH(for_each, "a leg far too long for the others has certainly no pose") {
+  const Robot& robot = mechanism.robot;
+  if (robot.chain[0].actuator != Actuator::telescopic) return;
+  Joint q{};
+  CHECK(ikm(Level::ideal, robot, robot.home, q));
+  q[0] *= 20;
+  Coordinates x = robot.home;
+  CHECK(fkm(Level::ideal, robot, q, x).status == Status::unreachable);
+}
