@@ -1,7 +1,5 @@
 """Cramér-Rao bound: the pose accuracy to expect, before anything is built."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,13 +10,10 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, numbers_like, require
 from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import PoseError
-from truepose.robot import conditions, knowledge
-from truepose.robot.batches import as_row, flattened, require_answers
+from truepose.robot import Robot, as_row, conditions, flattened, knowledge, require_answers, summed
 from truepose.robot.maps import draw_map
-from truepose.robot.robot import Robot
-from truepose.robot.units import coordinate_table, summed
-from truepose.show.results import ShownArray
-from truepose.show.table import Table
+from truepose.robot.units import coordinate_table
+from truepose.show import ShownArray, Table
 
 #: σ of an exactly known pose, as a share of the smallest reading σ: 0 has no inverse.
 EXACT = 1e-6

@@ -1,7 +1,5 @@
 """Stability margins of a controlled robot over its workspace."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,12 +14,8 @@ from truepose.control.effects import Effects
 from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses, worst
 from truepose.exceptions import InputError
-from truepose.robot.batches import as_rows
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import coordinate_axes
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.robot import Law, Robot, as_rows, coordinate_axes
+from truepose.show import Cell, Shown, Table, number
 
 #: Name of the loop with a common multiplier of all motor torques.
 ALL = "all motors"

@@ -1,7 +1,5 @@
 """Sensor selection: accuracy against price, and the best set for a budget."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,9 +15,7 @@ from truepose.design.search import Search, Set
 from truepose.design.selection import STEPS, SensorSelection, SensorSet, printed_errors
 from truepose.design.where import AS_BUILT, Known, Use, practice
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles, label, summed
+from truepose.robot import Robot, angles, knowledge, label, summed
 
 #: Poses of a self-calibration in states that were not asked for.
 OTHERWISE = 10

@@ -1,7 +1,5 @@
 """Detectability: the smallest fault of each reading that is detected and isolated."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,14 +15,8 @@ from truepose.calibration.learnt import calibrated
 from truepose.calibration.parity import Parity, detectable, parity, unexplained
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.batches import flattened, require_answers
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles, reading_axes
-from truepose.show.charts import ranges
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.robot import Law, Robot, angles, flattened, knowledge, reading_axes, require_answers
+from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Hours per false alarm of a healthy robot; its probability in a test per cycle, at 1 kHz.
 HOURS = 1000.0

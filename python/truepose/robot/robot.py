@@ -19,10 +19,9 @@ from truepose.robot.dynamics import Dynamics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
 from truepose.robotfile.to_core import units_in
+from truepose.show import PRINT, Cell, Shown, Table, figure_of
 from truepose.show.page import as_uri
-from truepose.show.results import Shown, figure_of
-from truepose.show.table import Cell, Table
-from truepose.show.units import PRINT, SI
+from truepose.show.units import SI
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

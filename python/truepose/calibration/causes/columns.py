@@ -1,7 +1,5 @@
 """Mistakes in a log's columns: unit, gain, sign, order, body of a sensor, a common constant."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -10,8 +8,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 #: Factors of a column in another unit, and their messages, for a length (0) and an angle (1).
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0

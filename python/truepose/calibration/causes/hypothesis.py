@@ -16,7 +16,7 @@ from truepose.calibration.influences import NuisanceParameter, relaxed
 from truepose.calibration.registration import Registration
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 #: Assumed probability that a given part is wrong, or that a given mistake was made.
 RATE = 0.01

@@ -1,7 +1,5 @@
 """Mistakes in a log's rows: shifted, stuck, slipped, gross errors."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterator
@@ -9,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
 from truepose.calibration.expectation import expect, poses_of
@@ -19,7 +17,7 @@ from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.parity import parity
 from truepose.calibration.registration import sigmas
 from truepose.logs import Log
-from truepose.robot.units import reading_units
+from truepose.robot import reading_units
 
 #: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
 SHIFTS, STUCK = 3, 5
@@ -113,7 +111,7 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     usual, sigma = amounts.reshape(-1, 2).T
     model, readings = case.robot.expected(), case.log.readings - by @ usual
     x = poses_of(model, readings[:, : model.m])
-    rows = np.flatnonzero(np.isfinite(np.hstack([x, readings])).all(axis=1))
+    rows = np.flatnonzero(finite_rows(np.hstack([x, readings])))
     if count < 4 or len(rows) == 0 or len(masks) == 0 or model.r == 0:
         return
     A, F = parity(model, x[rows])
@@ -181,7 +179,7 @@ def _begun(case: Case) -> Array | None:
     columns = zip(seen.residual.T, np.isfinite(seen.residual).T, strict=True)
     usual = [np.median(of[read]) if read.any() else 0.0 for of, read in columns]
     off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
-    return np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+    return np.where(finite_rows(seen.x), off, np.inf)
 
 
 def _without(case: Case, bad: Array) -> Hypothesis:
@@ -203,4 +201,4 @@ def _predicted(case: Case, fit: Calibration) -> Array:
         fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads
     )
     off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
-    return np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+    return np.where(finite_rows(seen.x), off, np.inf)
