@@ -49,13 +49,9 @@ def misnamed(spec: RobotFile, fits: bool) -> Iterator[Problem]:
 
 def _sizes(spec: RobotFile) -> Iterator[Problem]:
     """Yield another number of parts or coordinates than fits."""
-    for key in ("body", "closure", "motor"):
-        if getattr(spec, key):
-            text = "a file has either mobility and [[chain]], or [[body]] and [[closure]]"
-            yield Problem((key,), f"{key}: {text}")
-    for key, given in (("coordinates", spec.coordinates), ("start", spec.start)):
-        if given:
-            yield Problem((key,), f"{key}: is for mechanisms of [[body]] and [[closure]]")
+    for key in spec.stated("body", "closure", "motor", "coordinates", "start"):
+        text = "a file has either mobility and [[chain]], or [[body]] and [[closure]]"
+        yield Problem((key,), f"{key}: is for mechanisms: {text}")
     n, rotational = spec.n, spec.mobility == "rotational"
     if rotational and not 1 <= n <= _core.max_axes:
         text = f"a rotational platform has 1 to {_core.max_axes}, a table [[passive_axis]] each"
@@ -121,10 +117,8 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
             text = f"{what}: {kind} is for mechanisms of [[body]] and [[closure]]"
             yield Problem((*path, "kind"), text)
             continue
-        rods = ("closure", "axis", "zero") if hasattr(part, "closure") else ()
-        for key in ("body", "motor", *rods) if kind else ():
-            if getattr(part, key, None) not in (None, "platform"):
-                yield Problem((*path, key), f"{what}: {key} is for mechanisms of [[body]]")
+        for key in part.stated("body", "motor", "closure", "axis", "zero") if kind else ():
+            yield Problem((*path, key), f"{what}: {key} is for mechanisms of [[body]]")
         if kind and _core.sensor_kinds[kind].of_chain and part.chain is None:
             yield Problem((*path, "chain"), f"{what}: chain: is missing")
         if (needed := _NEEDS.get(kind)) and spec.mobility not in needed:

@@ -14,17 +14,15 @@ from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import rod_axis
 
 Path = tuple[str | int, ...]
-#: Sections that are for chains, and what sensors of chains have and no mechanism's.
-_OF_CHAINS = ("chain", "bar", "passive_axis", "platform", "compliance", "conditions")
-_SENSOR_OF_CHAINS = {"chain": None, "bar": None, "rod": "+"}
+#: Sections that are for chains, and kinds of sensors.
+_OF_CHAINS = ("bar", "passive_axis", "platform", "compliance", "conditions")
 _NO_KINDS = ("platform_angle", "axis_angle")
 
 
 def misfits(spec: RobotFile) -> Iterator[Problem]:
     """Yield what is wrong with a mechanism, as far as its home does not matter."""
-    for key in _OF_CHAINS:
-        if (given := getattr(spec, key)) and given != type(spec).model_fields[key].default:
-            yield Problem((key,), f"{key}: not in a file of bodies and closures")
+    for key in ["chain"] * bool(spec.chain) + spec.stated(*_OF_CHAINS):
+        yield Problem((key,), f"{key}: not in a file of bodies and closures")
     for check in (_tree, _motors, _unknown, _parts):
         wrong = [*check(spec)]
         yield from wrong
@@ -157,9 +155,8 @@ def _sensor(spec: RobotFile, sensor: Any) -> Iterator[tuple[str, str]]:
     """Yield keys that a mechanism's sensor cannot have, or lacks."""
     if sensor.kind in _NO_KINDS:
         yield "kind", f"{sensor.kind} is for chains: here joint_angle"
-    for key, usual in _SENSOR_OF_CHAINS.items():
-        if getattr(sensor, key, usual) != usual:
-            yield key, "is for chains"
+    for key in sensor.stated("chain", "bar", "rod"):
+        yield key, "is for chains"
     if hasattr(sensor, "zero"):
         axis, zero = rod_axis(spec, sensor), sensor.zero
         if axis is None:
