@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs, moved
-from truepose.arguments import finite_rows, require
+from truepose.arguments import finite_rows
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
@@ -34,7 +34,7 @@ from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import KnownPose
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
-from truepose.robot import Payloads, Robot
+from truepose.robot import Payloads, Robot, require_robot
 
 #: Factor of the σ from which a misfit is notable.
 NOTABLE = 1.2
@@ -124,7 +124,7 @@ def calibrate(
     >>> print(abs(fit.robot.estimate(true.extended_positions(dowel)).x - dowel).max() < 1e-5)
     True
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     table, notes, refused = logs.is_table(readings), list[str](), list[str]()

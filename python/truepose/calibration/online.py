@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, require, sigmas_of
+from truepose.arguments import Array, Errors, Level, sigmas_of
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.search import search
@@ -15,7 +15,15 @@ from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.log_checks import log_of
 from truepose.calibration.options import CalibrationOptions, ModelError
 from truepose.exceptions import InputError, choose
-from truepose.robot import Robot, compliance, flattened, knowledge, require_answers, warn_if_stiff
+from truepose.robot import (
+    Robot,
+    compliance,
+    flattened,
+    knowledge,
+    require_answers,
+    require_robot,
+    warn_if_stiff,
+)
 from truepose.robotfile.to_core import columns
 
 
@@ -64,7 +72,7 @@ class OnlineCalibrator:
         level: Level | None = None,
         model_error: ModelError = "on",
     ):
-        require(robot, Robot, "robot", "truepose.load(name)")
+        require_robot(robot)
         warn_if_stiff(robot, "an online calibration")
         self.level: Level = robot.highest_level if level is None else level  #: of the model
         self.prior = robot  #: at the start

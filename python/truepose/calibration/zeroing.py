@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Array, finite_rows, numbers_like, require
+from truepose.arguments import Array, finite_rows, numbers_like
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import left_out
@@ -20,7 +20,7 @@ from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import KNOWN, Registered, leave_one_out, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
-from truepose.robot import Robot, knowledge, reading_axes, reading_units
+from truepose.robot import Robot, knowledge, reading_axes, reading_units, require_robot
 from truepose.robot.lean import leveled
 from truepose.show import Shown, Table, named, number, ranges
 
@@ -138,7 +138,7 @@ def zero(
     >>> [round(motor.off, 4) for motor in found.motors]
     [-0.005, -0.0117]
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
     known = _sigma_of(robot, sigma)

@@ -9,11 +9,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from truepose.arguments import Array, finite_rows, require
+from truepose.arguments import Array, finite_rows
 from truepose.design.criterion import USUAL, Criterion
 from truepose.design.linear import LinearErrors
 from truepose.design.where import AS_BUILT, Use
-from truepose.robot import Robot, conditions, knowledge, reading_units, summed, unit_of
+from truepose.robot import (
+    Robot,
+    conditions,
+    knowledge,
+    reading_units,
+    require_robot,
+    summed,
+    unit_of,
+)
 from truepose.show import PRINT, Shown, Table, tabled
 
 #: The source of parameters that a calibration identified: their errors are correlated.
@@ -104,7 +112,7 @@ def error_budget(robot: Robot, use: Use = AS_BUILT, criterion: Criterion = USUAL
     >>> round(sum(one.share for one in budget.contributions), 12)
     1.0
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     knowledge.require_uncertain(robot)
     over, by = use.over(robot), criterion
     model = LinearErrors(robot, robot.sensors, over, use.known(robot))

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from truepose.arguments import Array, check_seed, require
+from truepose.arguments import Array, check_seed
 from truepose.calibration.bound import accuracy
 from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError, choose
-from truepose.robot import Robot, frames, knowledge, summed
+from truepose.robot import Robot, frames, knowledge, require_robot, summed
 from truepose.robotfile.to_core import drawn
 from truepose.show import Shown, Table, number
 
@@ -102,7 +102,7 @@ def place_sensors(
     """
     from scipy.optimize import minimize
 
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     knowledge.require_uncertain(robot)
     names = _searched(robot, sensors)
     boxes = _boxes(robot, names, within or {})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, finite_rows, positive, require, whole
+from truepose.arguments import Array, Level, finite_rows, positive, whole
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
@@ -22,7 +22,7 @@ from truepose.design.pose_plan import PosePlan
 from truepose.design.refining import refined
 from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError
-from truepose.robot import Robot, flattened, knowledge, summed, workspace_grid
+from truepose.robot import Robot, flattened, knowledge, require_robot, summed, workspace_grid
 from truepose.robot.workspace import workspace
 from truepose.show import printed
 
@@ -101,7 +101,7 @@ def plan_poses(
     >>> print(plan.poses.shape, plan.gain < 0.95)
     (20, 4) True
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     if n is not None:
         whole("n", n, 1)
     if target is not None:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, Level, finite_rows, require
+from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.robot import Robot, flattened, reading_units
+from truepose.robot import Robot, flattened, reading_units, require_robot
 from truepose.show import PRINT, Cell, Shown, Table, number, ranges
 
 #: Errors of a reading: constant, or proportional to itself.
@@ -147,7 +147,7 @@ def isolate(
     >>> found.readings, round(float(np.degrees(found.may_be[0].size)), 1)
     (('q3',), 0.5)
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     if not robot.r:

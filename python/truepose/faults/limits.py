@@ -9,13 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, require, whole
+from truepose.arguments import Array, Level, whole
 from truepose.calibration import bound
 from truepose.calibration.learnt import calibrated
 from truepose.calibration.parity import Parity, detectable, parity, unexplained
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.robot import Law, Robot, angles, flattened, knowledge, reading_axes, require_answers
+from truepose.robot import (
+    Law,
+    Robot,
+    angles,
+    flattened,
+    knowledge,
+    reading_axes,
+    require_answers,
+    require_robot,
+)
 from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Hours per false alarm of a healthy robot; its probability in a test per cycle, at 1 kHz.
@@ -223,7 +232,7 @@ def detectability(
     >>> np.isinf(found.isolated).all(), np.degrees(found.moving_isolated).round(2)
     (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     require_inside("power", power, alpha, 1)

@@ -4,7 +4,7 @@ from truepose.robot.batches import as_row, as_rows, flattened, members, require_
 from truepose.robot.compliance import Payloads, warn_if_stiff
 from truepose.robot.frames import coordinates, rotation, rotation_vector
 from truepose.robot.laws import LAWS, Law, require_sensors, usual
-from truepose.robot.robot import Robot, list_robots, load
+from truepose.robot.robot import Robot, list_robots, load, require_robot
 from truepose.robot.units import (
     Axis,
     angles,
@@ -40,6 +40,7 @@ __all__ = [
     "reading_axes",
     "reading_units",
     "require_answers",
+    "require_robot",
     "require_sensors",
     "rotation",
     "rotation_vector",

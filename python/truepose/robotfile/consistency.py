@@ -3,7 +3,6 @@
 import fnmatch
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from truepose import _core
 from truepose.exceptions import choose
@@ -108,11 +107,9 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
         "axis": (len(spec.passive_axis), "but the file has {} axes"),
         "bar": (len(spec.bar), "but the file has {} bars"),
     }
-    parts: list[tuple[tuple[str | int, ...], str, Any]]
-    parts = [(("chain", k), f"chain {k + 1}", one) for k, one in enumerate(spec.chain)]
-    parts += [(("sensor", k), f"sensor {one.name}", one) for k, one in enumerate(spec.sensor)]
-    for path, what, part in parts:
+    for path, part in spec.parts("chain", "sensor"):
         kind = getattr(part, "kind", "")
+        what = f"sensor {part.name}" if kind else f"chain {path[1] + 1}"
         if kind in _OF_MECHANISMS:
             text = f"{what}: {kind} is for mechanisms of [[body]] and [[closure]]"
             yield Problem((*path, "kind"), text)
@@ -134,11 +131,12 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
 def _names(spec: RobotFile) -> Iterator[Problem]:
     """Yield names that are used twice or reserved, and unknown sensors in use."""
     for key, what, several in (("passive_axis", "axis", "axes"), ("sensor", "sensor", "sensors")):
-        names = [part.name for part in getattr(spec, key)]
-        for number, name in enumerate(names):
-            path = (key, number, "name")
-            if name in names[:number]:
+        names: list[str] = []
+        for at, part in spec.parts(key):
+            path, name = (*at, "name"), part.name
+            if name in names:
                 yield Problem(path, f"two {several} have the same name: {name}")
+            names.append(name)
             if taken(name) or (what == "axis" and name == "step"):
                 text = f"{what} {name}: logs and parameters use this name for something else"
                 yield Problem(path, text)

@@ -317,6 +317,12 @@ class RobotFile(Section):
             or any(map(is_compliance, (*self.tolerances, *self.parameters, *learnt)))
         )
 
+    def parts(self, *tables: str) -> Iterator[tuple[tuple[str, int], Any]]:
+        """Yield the path and the part of every table of these lists."""
+        for table in tables:
+            for k, part in enumerate(getattr(self, table)):
+                yield (table, k), part
+
     @property
     def used(self) -> tuple[Sensor, ...]:
         """Sensors in use, in the order of r."""

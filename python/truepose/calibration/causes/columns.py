@@ -36,7 +36,7 @@ def _scaled(
     """
     factors = np.ones(len(case.log.names))
     factors[list(which)] = factor
-    names = ", ".join(case.log.names[k] for k in which)
+    names = case.named(which)
     read = np.isfinite(case.log.readings[:, list(which)]).sum()
     odds = LN_RATE - math.log(among) - float(read) * math.log(abs(factor))
     return case.with_readings(
@@ -83,7 +83,7 @@ def gain(case: Case) -> Iterator[Hypothesis]:
     """A motor or sensor, or all of a kind, with another gain or gear: true = (1 - a) read."""
     for which in alone_and_alike(case.robot):
         of = np.isin(np.arange(len(case.log.names)), which).astype(float)
-        names = ", ".join(case.log.names[k] for k in which)
+        names = case.named(which)
         its = "its" if len(which) == 1 else "their"
         yield case.with_pattern(
             np.nan_to_num(case.log.readings) * of,
