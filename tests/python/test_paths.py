@@ -8,8 +8,7 @@ import pytest
 from fixtures import refused
 
 import truepose as tp
-from truepose.robot.frames import rotation, rotation_vector
-from truepose.robot.laws import LAWS
+from truepose.robot import LAWS, rotation, rotation_vector
 from truepose.simulation import Circle, Line, Run, SampledPath, Waypoints
 from truepose.simulation.paths import Function
 
@@ -172,7 +171,7 @@ def limited(robot, **values):
 
 
 def test_a_path_that_leaves_the_workspace_is_refused_before_anything_moves(h4, monkeypatch):
-    monkeypatch.delattr("truepose._core.Loop")
+    monkeypatch.delattr("truepose._core.Simulation")
     line = r"^h4: path at t = 0\.\d+ s: pose x = \[.*\]: chain \d: (unreachable|beyond a joint l)"
     with refused(line, tp.PoseError):
         tp.simulate(h4, path=[h4.home, [0, 0, -2, 0]], run=Run(duration=2))
@@ -187,14 +186,13 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
     q = h4.ikm(points.x)
     rates, torques = np.gradient(q, PERIOD, axis=0), h4.inverse_dynamics(*points)
     tp.simulate(limited(h4, speed_limit=1.01 * np.abs(rates).max()), path=path)
-    monkeypatch.delattr("truepose._core.Loop")
+    monkeypatch.delattr("truepose._core.Simulation")
     for name, values, unit in (("speed", rates, "rad/s"), ("torque", torques, "N·m")):
         most = 0.8 * np.abs(values).max()
         k, motor = np.argwhere(np.abs(values) > most)[0]
         line = f"^h4: path at t = {k * PERIOD:.4g} s: motor {motor + 1} would need .* {unit}, at mo"
-        with refused(line, tp.PoseError) as raised:
+        with refused(line, tp.PoseError):
             tp.simulate(limited(h4, **{f"{name}_limit": most}), path=path)
-        assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -227,9 +225,8 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
     ],
 )
 def test_a_path_says_what_is_wrong_with_it(h4, path, message):
-    with refused(f"^{re.escape(message)}") as raised:
+    with refused(f"^{re.escape(message)}"):
         tp.simulate(h4, path=path)
-    assert "\n" not in str(raised.value)
 
 
 def test_a_path_names_all_poses_itself(h4):
