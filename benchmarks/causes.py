@@ -23,8 +23,7 @@ from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.causes import search as causes
 from truepose.calibration.causes.hypothesis import GROSS, Case, evidence
-from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import reading_units, workspace_samples
 
 ROBOTS = {
     "h4, θ": ("h4", ("theta",)),

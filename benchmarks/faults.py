@@ -28,9 +28,7 @@ from truepose import _core
 from truepose.faults.disturbance import KINDS
 from truepose.faults.fault import in_core
 from truepose.faults.monitor import first
-from truepose.robot.laws import LAWS
-from truepose.robot.units import angles, reading_units
-from truepose.robot.workspace import workspace_grid, workspace_samples
+from truepose.robot import LAWS, angles, reading_units, workspace_grid, workspace_samples
 from truepose.simulation.paths import default_move
 
 SETS = {

@@ -20,8 +20,7 @@ from printing import arguments, head, row
 import truepose as tp
 from truepose import logs, robotfile
 from truepose.calibration import CalibrationOptions
-from truepose.robot import frames
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import frames, workspace_samples
 
 #: σ of motion capture, m and rad: assumed.
 SIGMA = np.array([0.5e-3] * 3 + [np.radians(0.1)] * 3)

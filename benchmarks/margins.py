@@ -15,7 +15,7 @@ from printing import arguments, head, row
 import truepose as tp
 from truepose.control.gains import REST, REST_TORQUE
 from truepose.control.loci import worst
-from truepose.robot.units import angles
+from truepose.robot import angles
 
 LAWS = ("joint", "tej", "weighted", "estimated")
 RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 0.5)  # kHz

@@ -15,8 +15,7 @@ from printing import arguments, head, row
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
-from truepose.robot.laws import LAWS
-from truepose.robot.workspace import workspace_grid
+from truepose.robot import LAWS, workspace_grid
 
 CENTRE, RADIUS = (0.0, 0.0, -0.4, 0.0), 0.05  #: m; the square's half side is the circle's radius
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))

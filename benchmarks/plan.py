@@ -23,7 +23,7 @@ from printing import arguments, head, row
 
 import truepose as tp
 from truepose import logs, robotfile
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import workspace_samples
 
 COUNT = 2000
 

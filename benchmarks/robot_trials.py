@@ -15,8 +15,7 @@ from truepose.calibration import CalibrationOptions
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.options import ModelError
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
+from truepose.robot import Robot, angles
 from truepose.simulation.chart import difference
 
 #: Largest offset of a pose, m and rad: rounding errors do not recur.

@@ -17,8 +17,7 @@ from printing import arguments, head, row
 import truepose as tp
 from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
-from truepose.robot.robot import Robot
-from truepose.robot.workspace import workspace_grid, workspace_samples
+from truepose.robot import Robot, workspace_grid, workspace_samples
 from truepose.robotfile.schema import RobotFile
 
 #: Assumed prices, any currency: of a sensor by the beginning of its name.

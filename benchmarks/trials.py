@@ -13,7 +13,7 @@ import robot_trials as trials
 from printing import arguments, head, row
 
 import truepose as tp
-from truepose.robot.workspace import workspace_grid, workspace_samples
+from truepose.robot import workspace_grid, workspace_samples
 
 SETS = {
     "θ": ["theta"],

@@ -12,7 +12,7 @@ from truepose.design.poses import plan_poses
 from truepose.design.sensors import select_sensors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
 from truepose.faults.monitor import FaultMonitor
-from truepose.robot.robot import Robot, list_robots, load
+from truepose.robot import Robot, list_robots, load
 from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.simulate import simulate
 from truepose.studies.study import monte_carlo

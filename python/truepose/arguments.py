@@ -1,4 +1,4 @@
-"""Checks of arguments that several functions share."""
+"""Checks of arguments, and short forms of arrays, that several functions share."""
 
 import fnmatch
 import math
@@ -149,3 +149,13 @@ def numbers_like(
     if not good.all():
         raise InputError(f"{name} = {result[~good][0]:g}: must be {must}")
     return result
+
+
+def finite_rows(values: Array) -> Array:
+    """Return which rows, (N, …), have finite numbers alone, (N,)."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
+
+
+def sigmas_of(covariance: Array) -> Array:
+    """Return the standard deviations, (..., n), of a covariance, (..., n, n)."""
+    return np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))

@@ -1,7 +1,5 @@
 """Modules, commands and arguments of 0.5 that have another place since 0.6; gone with 0.7."""
 
-from __future__ import annotations
-
 import functools
 import sys
 import warnings

@@ -157,6 +157,7 @@ Mechanism robot_of(const Described& of) {
   add(sensor(coordinate, 0)), add(sensor(distance, 0), 3);
   add(sensor(arms ? joint_angle : slide_position, m.motors + 1));
   if (!arms) add(sensor(inclinometer, 0)), add(sensor(joint_angle, m.motors + 5));
+  if (!arms) add(sensor(plane_distance, 0), 3), add(sensor(rotation, 0), 4);
   if (arms) add(sensor(motor_encoder, 1));
   CHECK(finish(robot) && finish_full(robot));
   return made;

@@ -1,13 +1,12 @@
 // Robots described by bodies and closures: kinematics, readings and their derivatives.
 #include "control/law.hpp"
+#include "derivative.hpp"
 #include "described.hpp"
 #include "mechanism/geometry.hpp"
 
 using namespace mechanisms_described;
 
 namespace {
-
-constexpr double kStep = 1e-4;  // of fourth-order differences
 
 struct Readings {
   Extended q_e{};
@@ -19,14 +18,6 @@ Readings read_at(const Robot& robot, const Pose& pose) {
   at.H_xi.resize(readings(robot) * parameter_count(robot));
   CHECK(linearise(Level::ideal, robot, pose, at.q_e, at.H_x, at.H_xi.data()));
   return at;
-}
-
-Extended derivative(const std::function<Extended(double)>& f) {
-  const Extended a = f(2 * kStep), b = f(kStep), c = f(-kStep), d = f(-2 * kStep);
-  Extended slope;
-  for (std::size_t k = 0; k < a.size(); ++k)
-    slope[k] = (8 * (b[k] - c[k]) - (a[k] - d[k])) / (12 * kStep);
-  return slope;
 }
 
 }  // namespace

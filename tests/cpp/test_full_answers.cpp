@@ -1,20 +1,10 @@
 // Answers of the full level. A Jacobian that is its derivative, readings that follow, whether
 // it exists at all, and a status where it cannot answer.
+#include "derivative.hpp"
 #include "full_robots.hpp"
 #include "mechanism/levels.hpp"
 
 using namespace mechanisms;
-
-namespace {
-
-constexpr double kStep = 1e-4;  // fourth-order differences: truncation and rounding are ~1e-12
-
-template <class F>
-double derivative(const F& f) {
-  return (8 * (f(kStep) - f(-kStep)) - (f(2 * kStep) - f(-2 * kStep))) / (12 * kStep);
-}
-
-}  // namespace
 
 TEST_EACH(
     for_each_full,

@@ -1,4 +1,5 @@
 // Jacobians against finite differences, in the tangent space.
+#include "derivative.hpp"
 #include "mechanism/damping.hpp"
 #include "mechanism/rkm.hpp"
 #include "reference.hpp"
@@ -7,14 +8,6 @@
 using namespace pivots_tested;
 
 namespace {
-
-constexpr double kStep = 1e-4;  // of fourth-order differences: truncation and rounding are ~1e-12
-
-/// Fourth-order central difference of f(step) at 0.
-template <class F>
-double derivative(const F& f) {
-  return (8 * (f(kStep) - f(-kStep)) - (f(2 * kStep) - f(-2 * kStep))) / (12 * kStep);
-}
 
 Coordinates unit(int i, double size) {
   Coordinates step{};

@@ -1,6 +1,5 @@
 // Derivatives of the readings at both levels: along the pose, and along every parameter.
-#include <functional>
-
+#include "derivative.hpp"
 #include "estimation/linearise.hpp"
 #include "mechanism/geometry.hpp"
 #include "mechanisms.hpp"
@@ -8,8 +7,6 @@
 using namespace mechanisms;
 
 namespace {
-
-constexpr double kStep = 1e-4;  // of fourth-order differences
 
 /// Whether a kind's reading is there, and moves, on robots of this mobility.
 bool fits(SensorKind kind, Mobility mobility) {
@@ -195,14 +192,6 @@ void for_each_with_sensors(F&& f) {
       if (full) f(true, mechanism, robot);
     }
   });
-}
-
-Extended derivative(const std::function<Extended(double)>& f) {
-  const Extended a = f(2 * kStep), b = f(kStep), c = f(-kStep), d = f(-2 * kStep);
-  Extended slope;
-  for (std::size_t k = 0; k < a.size(); ++k)
-    slope[k] = (8 * (b[k] - c[k]) - (a[k] - d[k])) / (12 * kStep);
-  return slope;
 }
 
 }  // namespace

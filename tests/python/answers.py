@@ -9,7 +9,7 @@ from itertools import zip_longest
 import numpy as np
 
 import truepose as tp
-from truepose.show.table import Table
+from truepose.show import Table
 
 #: A number that stands alone: names such as q1, versions and times of day are none.
 NUMBER = re.compile(r"(?<![\w.])[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])", re.ASCII)

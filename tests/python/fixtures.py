@@ -2,6 +2,7 @@
 
 import os
 import re
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 import truepose as tp
 from truepose import files
 from truepose.commands import calibration_figures, cli
-from truepose.robot.workspace import workspace_grid
+from truepose.robot import workspace_grid
 from truepose.show import terminal
 
 
@@ -63,9 +64,12 @@ def drawn_poses(robot: tp.Robot, count: int, rng) -> np.ndarray:
     return np.random.default_rng(rng).uniform(box.minimum, box.maximum, (count, robot.n))
 
 
+@contextmanager
 def refused(message: str, by: type = tp.InputError):
-    """Expect a refusal with this message, a regular expression."""
-    return pytest.raises(by, match=message)
+    """Expect a refusal in one line with this message, a regular expression."""
+    with pytest.raises(by, match=message) as told:
+        yield told
+    assert "\n" not in str(told.value)
 
 
 def with_length_errors(robot: tp.Robot, seed: int) -> tp.Robot:
@@ -159,6 +163,19 @@ def run(monkeypatch, capsys, tmp_path):
         with pytest.raises(SystemExit) as left:
             cli.main()
         return (left.value.code or 0, *capsys.readouterr())
+
+    return command
+
+
+@pytest.fixture
+def refusal(run):
+    """Return a function that runs a command that must end with one line of error; its stderr."""
+
+    def command(*words):
+        status, out, err = run(*words)
+        assert (status, out) == (2, "") and len(err.splitlines()) == 1, err
+        assert err.startswith("truepose: error: ")
+        return err
 
     return command
 

@@ -9,8 +9,7 @@ from fixtures import refused
 import truepose as tp
 from truepose.calibration.learnt import calibrated
 from truepose.control.changes import changes
-from truepose.robot import knowledge
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import knowledge, workspace_samples
 
 POSES = workspace_samples(tp.load("h4"), 130, np.random.default_rng(4))
 VISITED, OTHERS = POSES[:100], POSES[100:]

@@ -1,6 +1,7 @@
 """Files of bodies and closures that are wrong: one line each, with the key."""
 
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose import robotfile
@@ -114,9 +115,9 @@ WRONG = [
     ("h4", "[chain_defaults]", "[motor_defaults]\nlead = 1.0\n[chain_defaults]",
      r"motor_defaults: not in a file of chains"),
     ("3rps", "home =", 'mobility = "planar"\nhome =',
-     r"body: a file has either mobility and \[\[chain\]\], or"),
+     r"body: is for mechanisms: a file has either mobility and \[\[chain\]\], or"),
     ("h4", "[chain_defaults]", "[start]\nx = 1.0\n[chain_defaults]",
-     r"start: is for mechanisms of \[\[body\]\] and \[\[closure\]\]"),
+     r"start: is for mechanisms: a file has either .* or \[\[body\]\] and \[\[closure\]\]"),
     ("delta", "[chain_defaults]", '[[sensor]]\nname = "turn"\nkind = "joint_angle"\nfreedom = "x"\n'
      "[chain_defaults]", r"sensor turn: joint_angle is for mechanisms"),
     ("delta", "[chain_defaults]", '[[sensor]]\nname = "turn"\nkind = "rod_length"\nclosure = "x"\n'
@@ -136,8 +137,7 @@ WRONG = [
 def test_a_wrong_mechanism_is_told_in_one_line(name, old, new, line, tmp_path):
     path = tmp_path / "robot.toml"
     path.write_text(spoiled(name, old, new), encoding="utf-8")
-    with pytest.raises(tp.RobotFileError, match=line) as told:
+    with refused(line, tp.RobotFileError):
         tp.load(path)
-    assert "\n" not in str(told.value)
     robot, lines = check(path)
     assert robot is None and lines and not any("\n" in each for each in lines)

@@ -14,10 +14,6 @@ from truepose.robot import knowledge
 TOUCH_OFF = np.array([0.0, 0.0, -0.4, 0.0])
 
 
-def equipped(robot):
-    return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
-
-
 def jacobians(robot, x):
     """H_x, and H_ξ S in units of each reading's σ: unknowns of unit variance."""
     H_x, H_xi = robot.expected().linearize(x, level=robot.highest_level)
@@ -67,7 +63,7 @@ def test_the_bound_is_that_of_least_squares_by_hand(any_robot, anywhere, rng, ca
     x = anywhere(any_robot, 12, rng)
     visited = x[3:] if calibrated else None
     known = {key: 1e-4 if key == "reference_sigma" else any_robot.home for key in how}
-    for robot in (any_robot.with_sensors(), equipped(any_robot)):
+    for robot in (any_robot.with_sensors(), any_robot.with_sensors("all")):
         P = tp.accuracy(robot, x[:3], calibrated_on=visited, **known)
         expected = by_hand(robot, x[:3], x[3:] if calibrated else (), **known)
         sigma = np.sqrt(np.einsum("kii->ki", expected))
@@ -76,7 +72,7 @@ def test_the_bound_is_that_of_least_squares_by_hand(any_robot, anywhere, rng, ca
 
 
 def test_before_a_calibration_the_bound_is_the_estimates_own_covariance(any_robot, anywhere, rng):
-    robot = equipped(any_robot).expected()
+    robot = any_robot.with_sensors("all").expected()
     x = anywhere(robot, 5, rng)
     est = robot.estimate(robot.extended_positions(x, level="full"), guess=x)
     assert tp.accuracy(robot, x) == pytest.approx(est.covariance, rel=1e-9, abs=1e-15)
@@ -121,7 +117,7 @@ def test_whatever_is_learnt_never_harms(any_robot, anywhere, rng, of_level):
 @pytest.mark.parametrize("calibrated", [False, True])
 def test_a_touched_pose_is_worth_what_is_known_of_it(any_robot, anywhere, rng, calibrated):
     """From exactly to not at all, where only its redundant readings tell of the geometry."""
-    robot, x = equipped(any_robot), anywhere(any_robot, 10, rng)
+    robot, x = any_robot.with_sensors("all"), anywhere(any_robot, 10, rng)
     visited = x[3:] if calibrated else x[3:4]
     bounds = [
         tp.accuracy(robot, x[:3], visited, robot.home, reference_sigma=sigma)

@@ -15,10 +15,6 @@ from truepose.robot import knowledge
 from truepose.simulation.chart import difference
 
 
-def equipped(robot):
-    return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
-
-
 @pytest.fixture(scope="module")
 def small():
     """A Delta with elbow encoders at six poses: a case that a general solver can take."""

@@ -26,6 +26,13 @@ def spoilt(request, h4, table2):
     return robot, q_e, lines
 
 
+def largest_shift(fit, clean):
+    """The largest change of a parameter, in σ of the clean fit."""
+    return max(
+        abs(fit.parameters[n].value - p.value) / p.sigma for n, p in clean.parameters.items()
+    )
+
+
 @pytest.mark.parametrize("loss", LARGEST)
 def test_gross_errors_hardly_move_any_parameter(spoilt, loss):
     robot, q_e, lines = spoilt
@@ -33,11 +40,7 @@ def test_gross_errors_hardly_move_any_parameter(spoilt, loss):
     clean = tp.calibrate(
         robot, np.delete(q_e, lines, axis=0), options=CalibrationOptions(loss=loss)
     )
-    shift = [
-        abs(p.value - clean.parameters[name].value) / clean.parameters[name].sigma
-        for name, p in fit.parameters.items()
-    ]
-    assert max(shift) < LARGEST[loss]
+    assert largest_shift(fit, clean) < LARGEST[loss]
 
 
 def test_squares_are_pulled_away_by_the_same_errors_or_find_no_end(spoilt):
@@ -48,11 +51,7 @@ def test_squares_are_pulled_away_by_the_same_errors_or_find_no_end(spoilt):
         assert "loss='student'" in str(error)
         return
     clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0))
-    shift = [
-        abs(p.value - clean.parameters[name].value) / clean.parameters[name].sigma
-        for name, p in fit.parameters.items()
-    ]
-    assert max(shift) > 5
+    assert largest_shift(fit, clean) > 5
 
 
 def test_every_gross_error_is_named(spoilt):

@@ -13,7 +13,7 @@ from fixtures import refused
 import truepose as tp
 from truepose import robotfile
 from truepose.commands.robots import check, remarks, warnings
-from truepose.robot.units import reading_units
+from truepose.robot import reading_units
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
 _LENGTHS += ("origin", "length")

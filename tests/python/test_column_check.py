@@ -13,8 +13,7 @@ from truepose import _core, logs
 from truepose.calibration import expectation, log_checks
 from truepose.calibration.causes import columns
 from truepose.calibration.causes.hypothesis import Case
-from truepose.robot import frames
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import frames, workspace_samples
 
 SENSORS = {
     "delta": ("elbow1", "elbow2", "elbow3"),

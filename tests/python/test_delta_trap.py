@@ -52,17 +52,19 @@ def probe(true, rng, count=16, z=0.0, noise=1e-5):
 PROBE = {"measured_sigma": 1e-5, "options": CalibrationOptions(registration="known")}
 
 
-@pytest.fixture(scope="module")
-def trapped(printer):
-    """Return six true printers, and what the bed alone says of each."""
-    found = []
+def probed(printer, drawn):
+    """Yield six true printers, what is measured on the bed, and a drawn printer's fit to it."""
     for seed in range(6):
         rng = np.random.default_rng(seed)
         true = built(printer, rng)
         q, measured = probe(true, rng)
-        fit = tp.calibrate(printer, q, measured=measured, **PROBE)
-        found.append((true, measured, fit))
-    return found
+        yield true, measured, tp.calibrate(drawn, q, measured=measured, **PROBE)
+
+
+@pytest.fixture(scope="module")
+def trapped(printer):
+    """Return six true printers, and what the bed alone says of each."""
+    return [*probed(printer, printer)]
 
 
 RODS = [f"chain{i}.rod" for i in (1, 2, 3)]
@@ -97,11 +99,7 @@ def test_without_priors_the_bed_is_met_as_well_and_rods_drift_by_millimetres(pri
     vague = {key: Tolerance(sigma=0.03) for key in printer.spec.tolerances}
     vague_printer = tp.Robot(printer.spec.model_copy(update={"tolerances": vague}))
     drifts = []
-    for seed in range(6):
-        rng = np.random.default_rng(seed)
-        true = built(printer, rng)
-        q, measured = probe(true, rng)
-        fit = tp.calibrate(vague_printer, q, measured=measured, **PROBE)
+    for true, measured, fit in probed(printer, vague_printer):
         assert np.std(fit.x[:, 2] - measured[:, 2]) < 12e-6
         for rod in RODS:
             drifts.append(fit.parameters[rod].value - true.parameters[rod].value)

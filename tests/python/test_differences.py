@@ -197,25 +197,6 @@ def test_a_calliper_typed_wrong_is_named(loss):
             assert abs(fit.parameters[name].value - p.value) < 0.3 * p.sigma
 
 
-def test_left_out_residuals_are_those_of_calibrations_without():
-    robot, _, q_e, _, (plane, distances) = scene(6, 20)
-    whole = tp.calibrate(robot, q_e, differences=[plane, distances]).differences.found[1]
-    for k in (0, 3):
-        keep = np.arange(len(distances.measured)) != k
-        less = dataclasses.replace(
-            distances,
-            pairs=distances.pairs[keep],
-            measured=distances.measured[keep],
-            times=distances.times[keep],
-        )
-        fit = tp.calibrate(robot, q_e, differences=[plane, less])
-        i, j = distances.pairs[k]
-        own = fit.differences.unknowns
-        length = np.linalg.norm(fit.x[i] - fit.x[j]) * (1 + own["distances.scale"].value)
-        expected = length + distances.times[k] * own["distances.width"].value
-        assert whole.left_out[k] == pytest.approx(distances.measured[k] - expected, abs=1e-6)
-
-
 def test_without_readings_of_a_line_its_differences_are_left_out():
     robot, _, q_e, _, differences = scene(7)
     q_e[3, 0] = np.nan

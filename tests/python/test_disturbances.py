@@ -206,7 +206,6 @@ def test_the_command_names_the_disturbance(run):
     "text, said",
     [("payload", "must be [MOTOR:]KIND=SIZE"), ("payload=x", "size and times must be numbers")],
 )
-def test_the_command_says_what_is_wrong_with_a_disturbance(run, text, said):
-    status, _, err = run("simulate", "h4", "--disturbance", text)
-    assert status == 2
+def test_the_command_says_what_is_wrong_with_a_disturbance(refusal, text, said):
+    err = refusal("simulate", "h4", "--disturbance", text)
     assert said in err

@@ -5,7 +5,7 @@ import pytest
 from fixtures import refused
 
 import truepose as tp
-from truepose.robot.laws import LAWS
+from truepose.robot import LAWS
 
 C1, S1, C2, S2 = 0.01, -0.02, 0.005, 0.015
 KEY = f"eccentricity = [{C1}, {S1}, {C2}, {S2}]"
@@ -50,19 +50,6 @@ def test_a_sensors_error_turns_with_its_geared_shaft(spoil, table2):
     assert robot.rkm(table2)[:, 0] == pytest.approx(reading, abs=1e-14)
     assert robot.rkm(table2, level="full")[:, 0] == pytest.approx(reading, abs=1e-12)
     assert robot.redundant_fkm(robot.extended_positions(table2)) == pytest.approx(table2, abs=1e-12)
-
-
-def eccentric(robot, rng, size=0.05):
-    names = [name for name in robot.parameters if ".eccentricity." in name]
-    return robot.replace(dict(zip(names, rng.uniform(-size, size, len(names)), strict=True)))
-
-
-def test_fkm_undoes_ikm_with_eccentric_encoders(any_robot, anywhere, rng):
-    robot, x = eccentric(any_robot, rng), anywhere(any_robot, 500, rng)
-    assert np.abs(robot.fkm(robot.ikm(x), guess=x + 1e-3) - x).max() < 1e-12
-    if robot.full:
-        q = robot.ikm(x, level="full")
-        assert np.abs(robot.fkm(q, guess=x + 1e-3, level="full") - x).max() < 1e-11
 
 
 NOISE = {"chains": "encoder_noise = 3e-4", "theta": "noise = 5e-4"}

@@ -61,7 +61,7 @@ def test_after_a_calibration_its_correlated_parameters_are_one_source(h4, anywhe
     assert {"calibration", "motors", "theta"} >= {one.source for one in found.contributions}
 
 
-def test_the_command_prints_the_budget(run, tmp_path):
+def test_the_command_prints_the_budget(run, refusal, tmp_path):
     words = ("error-budget", "h4", "--calibrated", "8", "--confidence", "sigma")
     status, out, err = run(*words, "--plot", tmp_path / "budget.svg", "--format", "csv")
     assert status == 0 and "chain*.rod" in out and "h4 with theta, self-calibrated" in err
@@ -69,5 +69,4 @@ def test_the_command_prints_the_budget(run, tmp_path):
     row = next(csv.DictReader(io.StringIO(out)))
     assert (row["source"], row["unit"]) == ("chain*.rod", "mm")
     assert float(row["its σ"]) == pytest.approx(1e3 * tp.load("h4").parameters["chain1.rod"].sigma)
-    status, _, err = run("error-budget", "h4", "--poses", "none.csv")
-    assert status == 2 and err.count("\n") == 1
+    err = refusal("error-budget", "h4", "--poses", "none.csv")

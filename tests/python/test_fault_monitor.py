@@ -18,7 +18,7 @@ from truepose.faults.monitor import (
     _yielding,
     first,
 )
-from truepose.robot.laws import usual
+from truepose.robot import usual
 from truepose.simulation import Run
 
 SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}

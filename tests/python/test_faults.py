@@ -12,7 +12,6 @@ from truepose import _core, logs
 from truepose.commands.options import faults_of
 from truepose.faults import Fault
 from truepose.faults.fault import FAULT_KINDS
-from truepose.robot import knowledge
 from truepose.simulation.plants.dynamic import DynamicPlant, visit
 from truepose.simulation.plants.exact import ExactPlant
 
@@ -135,30 +134,6 @@ def test_a_log_tells_where_there_was_no_answer(h4, tmp_path):
         np.testing.assert_array_equal(logs.read(h4, tmp_path / f"run{ending}").readings, run.q_e)
 
 
-@pytest.mark.parametrize("law", ["joint", "tej", "cartesian", "estimated"])
-@pytest.mark.parametrize("reading", ["theta", "q1"])
-def test_at_rest_a_small_bias_moves_the_robot_as_its_law_leaks(h4, exact, law, reading):
-    bias, column = 1e-6, h4.readings.index(reading)
-    controller = tp.Controller(law=law)
-    plants = [
-        ExactPlant(h4, level="ideal", faults=f) for f in ((), [Fault(reading, "bias", 0, bias)])
-    ]
-    at, off = (plant.visit(h4, MOVE, controller) for plant in plants)
-    believed = h4.expected() if law == "estimated" else h4
-    leak = _leakage(believed, law, MOVE)
-    assert (off.x - at.x)[0] == pytest.approx(leak[0, :, column] * bias, abs=1e-9)
-    expected = exact.extended_positions(off.x)
-    expected[:, column] += bias
-    assert off.q_e == pytest.approx(expected, abs=1e-12)
-
-
-def _leakage(robot, law, x):
-    believed, known = knowledge.for_law(robot, law)
-    leak, status, _ = _core.leakage(believed.core, _core.laws[law].law, known, x)
-    assert (status <= 0).all()
-    return leak
-
-
 @pytest.mark.parametrize("kind", AT_REST)
 @pytest.mark.parametrize("reading", ["theta", "q1"])
 def test_a_robot_rests_where_its_simulated_move_ends(exact, kind, reading):
@@ -240,9 +215,8 @@ BAD = [
 
 @pytest.mark.parametrize(("words", "said"), BAD, ids=lambda v: " ".join(map(str, v[:2])))
 def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
-    with pytest.raises(tp.InputError) as error:
+    with refused(re.escape(said)):
         Fault(*words)
-    assert said in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -268,9 +242,8 @@ def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
 )
 def test_a_fault_that_the_robot_cannot_have_is_refused(h4, faults, said):
     robot = h4.with_sensors("theta", "z_telemeter")
-    with pytest.raises(tp.InputError) as error:
+    with refused(re.escape(said)):
         tp.simulate(robot, faults=faults)
-    assert said in str(error.value) and "\n" not in str(error.value)
     if "periods" not in said:  # a plant does not know its controller's period
         with refused(re.escape(said)):
             DynamicPlant(robot, faults=faults)
@@ -309,10 +282,8 @@ def test_the_command_simulates_a_fault(run, h4):
         ("phi:stuck", "unknown reading 'phi'"),
     ],
 )
-def test_the_command_says_what_is_wrong_with_a_fault(run, word, said):
-    status, out, err = run("simulate", "h4", "--fault", word)
-    assert (status, out) == (2, "") and len(err.splitlines()) == 1
-    assert said in err
+def test_the_command_says_what_is_wrong_with_a_fault(refusal, word, said):
+    assert said in refusal("simulate", "h4", "--fault", word)
 
 
 def test_the_documentation_has_every_kind():

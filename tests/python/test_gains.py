@@ -33,43 +33,6 @@ def test_a_reading_is_gain_times_the_motors_position_less_its_offset(robot, anyw
         assert scaled(robot).rkm(x) == pytest.approx(robot.rkm(x), abs=1e-13)
 
 
-def test_stops_stand_where_the_motor_is_not_where_it_reads(h4, anywhere, rng):
-    h4 = h4.replace({"chain1.encoder_offset": 0.2})
-    with refused(r"chain 1: beyond a joint limit, 1\.81806 of", tp.PoseError):
-        scaled(h4).ikm([-0.3, 0, -0.55, 0])
-    x = anywhere(h4, 200, rng)
-    near = scaled(h4).replace({"chain1.gain": 3.0})  # its readings pass the stops' numbers
-    assert np.max(near.ikm(x)[:, 0]) > h4.spec.chain[0].limits[1]
-
-
-@pytest.mark.parametrize("law", ["joint", "tej", "cartesian"])
-def test_a_machine_moves_alike_however_its_encoders_count(h4, law):
-    """Weight and friction pass through the gains as torques of the motor, not of its reading.
-
-    The TEJ law's unit weights are of readings: there only alike scales leave it alone.
-    """
-    truth = h4.sample(1)
-    mine = (-1.0,) * 4 if law == "tej" else GAINS
-
-    def counting(robot):
-        values = {f"chain{i + 1}.gain": mine[i] for i in range(4)}
-        for i in range(4):  # an offset is one of the reading
-            name = f"chain{i + 1}.encoder_offset"
-            values[name] = mine[i] * robot.parameters[name].value
-        return robot.without_quantization().replace(values)
-
-    pairs = [
-        (h4.without_quantization(), truth.without_quantization()),
-        (counting(h4), counting(truth)),
-    ]
-    plain, other = (
-        tp.simulate(*pair, law, run=tp.simulation.Run(duration=0.1, hold=0.05)) for pair in pairs
-    )
-    assert other.x == pytest.approx(plain.x, abs=1e-9)
-    rest = [tp.steady_state(*pair, h4.spec.home, law, gravity=True) for pair in pairs]
-    assert rest[1] == pytest.approx(rest[0], abs=1e-10)
-
-
 def test_what_springs_and_plays_does_so_in_the_motors_own_turns(h4):
     """Compliance bends what is read by the rotor's turn, gain and all; a gain changes no motion."""
     values = {"chain1.gain": 1.3, "chain3.gain": -0.8}
@@ -92,7 +55,7 @@ def loosely(tmp_path):
             '[tolerances]\n"chain*.gain" = { sigma = 1e-3 }\n'
         )
         robot = tp.load(file)
-        return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
+        return robot.with_sensors("all")
 
     return load
 

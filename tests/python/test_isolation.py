@@ -79,7 +79,7 @@ def test_a_robot_without_redundant_sensors_is_told_so():
         isolate(robot, robot.read(robot.home[None]))
 
 
-def test_the_command_names_it(run, tmp_path, monkeypatch):
+def test_the_command_names_it(run, refusal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     h4 = tp.load("h4").expected()
     poses = drawn_poses(h4, POSES, 0)
@@ -90,15 +90,15 @@ def test_the_command_names_it(run, tmp_path, monkeypatch):
     status, out, err = run("faults", "calibrated.toml", "tour.csv")
     assert (status, err) == (0, "")
     assert "Faulty: theta: its bias is wrong." in out
-    status, _, err = run("faults", "h4", "tour.csv", "--sensors", "none")
-    assert status == 2 and "no redundant sensor" in err
-    status, _, err = run("faults", "h4", "tour.csv", "--calibrated")
-    assert status == 2 and "--calibrated: only for a prediction: leave out" in err
-    status, _, err = run("faults", "h4", "--columns", "q1 = a")
-    assert status == 2 and "--columns: only with a LOG: leave out" in err
+    assert "no redundant sensor" in refusal("faults", "h4", "tour.csv", "--sensors", "none")
+    assert "--calibrated: only for a prediction: leave out" in refusal(
+        "faults", "h4", "tour.csv", "--calibrated"
+    )
+    assert "--columns: only with a LOG: leave out" in refusal("faults", "h4", "--columns", "q1 = a")
     words = ("--plot", "d.png", "--calibrated")
-    status, _, err = run("faults", "delta", *words)
-    assert status == 2 and "--calibrated, --plot: only with a redundant sensor" in err
+    assert "--calibrated, --plot: only with a redundant sensor" in refusal(
+        "faults", "delta", *words
+    )
 
 
 def test_readings_that_explain_the_same_at_one_pose_are_all_named():

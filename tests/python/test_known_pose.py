@@ -9,7 +9,7 @@ from fixtures import drawn_poses
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.exceptions import InputError, PoseError
-from truepose.robot.frames import rotation
+from truepose.robot import rotation
 
 
 @pytest.fixture(scope="module")

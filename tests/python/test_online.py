@@ -40,24 +40,6 @@ def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
     assert online.covariance / scale == pytest.approx(fit.covariance / scale, abs=1e-4)
 
 
-def test_the_first_line_is_kalmans(h4, table2):
-    """Against the dense formula: P - P hᵀ (h P hᵀ + R)⁻¹ h P, h free of the pose."""
-    robot = h4.expected()
-    q_e = robot.extended_positions(table2[7])
-    online = tp.OnlineCalibrator(robot)
-    online.observe(q_e)
-    names = knowledge.uncertain(robot)
-    H_x, H_xi = robot.linearize(table2[7], level="full")
-    sigma = knowledge.reading_sigma(robot)
-    at = [list(robot.parameters).index(name) for name in names]
-    free = np.linalg.svd((H_x / sigma[:, None]).T)[2][-1]
-    h = free @ (H_xi[:, at] / sigma[:, None])
-    P = np.diag([robot.parameters[name].sigma ** 2 for name in names])
-    curved = 12 * (h @ P @ h) * sigma.max()  # of second order: counts as noise
-    expected = P - np.outer(P @ h, P @ h) / (h @ P @ h + 1 + curved**2)
-    assert online.covariance == pytest.approx(expected, rel=1e-6, abs=1e-16)
-
-
 def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng):
     """Rods that grow by 1 mm in 625 lines, seen by θ and a telemeter."""
     robot = h4.with_sensors("theta", "z_telemeter")

@@ -7,7 +7,7 @@ import pytest
 from fixtures import refused
 
 import truepose as tp
-from truepose.robot.frames import rotation, rotation_vector
+from truepose.robot import rotation, rotation_vector
 from truepose.simulation import Circle, Line, PathAccuracy, Waypoints, path_accuracy
 from truepose.simulation.feasible import Paced, fastest
 

@@ -8,8 +8,7 @@ import pytest
 from fixtures import refused
 
 import truepose as tp
-from truepose.robot.frames import rotation, rotation_vector
-from truepose.robot.laws import LAWS
+from truepose.robot import LAWS, rotation, rotation_vector
 from truepose.simulation import Circle, Line, Run, SampledPath, Waypoints
 from truepose.simulation.paths import Function
 
@@ -192,9 +191,8 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
         most = 0.8 * np.abs(values).max()
         k, motor = np.argwhere(np.abs(values) > most)[0]
         line = f"^h4: path at t = {k * PERIOD:.4g} s: motor {motor + 1} would need .* {unit}, at mo"
-        with refused(line, tp.PoseError) as raised:
+        with refused(line, tp.PoseError):
             tp.simulate(limited(h4, **{f"{name}_limit": most}), path=path)
-        assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -227,9 +225,8 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
     ],
 )
 def test_a_path_says_what_is_wrong_with_it(h4, path, message):
-    with refused(f"^{re.escape(message)}") as raised:
+    with refused(f"^{re.escape(message)}"):
         tp.simulate(h4, path=path)
-    assert "\n" not in str(raised.value)
 
 
 def test_a_path_names_all_poses_itself(h4):

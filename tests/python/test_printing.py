@@ -16,11 +16,9 @@ import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.commands import cli, info, options
 from truepose.design import prediction
-from truepose.robot.units import label
-from truepose.show import terminal
-from truepose.show.table import Table, fixed, number
+from truepose.robot import label
+from truepose.show import Table, fixed, measured, number, terminal
 from truepose.show.terminal import laid_out
-from truepose.show.units import measured
 
 
 def a_table(rng, rows=4) -> Table:

@@ -1,5 +1,7 @@
 """Logs in counts, steps and turns."""
 
+import re
+
 import numpy as np
 import pytest
 from fixtures import refused
@@ -109,6 +111,5 @@ def test_formulas_with_units_give_columns_of_other_names(hexapod, tmp_path, run)
 )
 def test_a_wrong_formula_is_said_in_one_line(hexapod, tmp_path, given, said):
     log = written(tmp_path / "log.csv", {"a": [1.0, 2.0]})
-    with pytest.raises(tp.InputError) as told:
+    with refused(re.escape(said)):
         logs.read(hexapod[0], log, given)
-    assert said in str(told.value) and "\n" not in str(told.value)

@@ -26,29 +26,9 @@ def test_counts_and_shapes(robot, poses):
     assert tp.simulate(robot).torque.shape[1] == 4
 
 
-def test_the_fkm_of_own_readings_is_the_pose_and_of_others_their_least_squares(robot, poses):
-    q = robot.ikm(poses)
-    assert np.abs(robot.fkm(q) - poses).max() < 1e-11
-    step = 1e-4 * np.random.default_rng(5).normal(size=q.shape)
-    moved = np.einsum("kij,kj->ki", robot.jacobian(poses), step)
-    assert np.abs(robot.fkm(q + step, guess=poses) - poses - moved).max() < 1e-6
-    q[0, 2] += 0.5  # of another posture
-    with refused("not converged", tp.PoseError):
-        robot.fkm(q[0])
-
-
 def test_one_motor_cannot_move_alone_for_a_start_up_test(robot):
     with refused("start-up test: no motor moves .*4 motors for 3 freedoms"):
         tp.simulation.start_test(robot)
-
-
-def test_torques_are_the_smallest_that_accelerate_the_platform(robot, poses):
-    wanted = np.array([1.0, -2.0, 5.0])
-    torque = robot.inverse_dynamics(poses, np.zeros(3), wanted)
-    assert np.abs(robot.acceleration(poses, np.zeros(3), torque) - wanted).max() < 1e-9
-    J = robot.jacobian(poses)
-    inner = np.eye(4) - np.linalg.pinv(J) @ J  # what moves nothing
-    assert np.abs(np.einsum("kij,kj->ki", inner, torque)).max() < 1e-9
 
 
 def test_motors_alone_estimate_and_calibrate(robot, poses):

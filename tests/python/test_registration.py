@@ -63,49 +63,6 @@ def reachable(robot, anywhere, count, rng):
     return x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
 
 
-def test_what_is_seen_changes_as_its_derivatives_say(chained_robot, anywhere, rng):
-    """Central differences of the pose, of base and of marker, for every mobility."""
-    n, step = chained_robot.n, 1e-6
-    x = anywhere(chained_robot, 20, rng)
-    base, marker = anyhow(chained_robot, rng)
-    seen, _, H_x, H, _ = see(chained_robot, base, marker, x)
-
-    def apart(base, marker, x):  # of the first coordinates, along the tangent
-        return -_core.seen(chained_robot.core, base, marker, np.ascontiguousarray(x), seen)[1]
-
-    def moved(T, k, h, left):
-        d = np.zeros(6)
-        d[k] = h
-        turned = frames.rotation(d[3:]) @ T[:3, :3] if left else T[:3, :3]
-        result = T.copy()
-        result[:3, :3], result[:3, 3] = turned, T[:3, 3] + d[:3]
-        return result
-
-    for k in range(6):
-        for first, change in (
-            (0, lambda h, k=k: apart(moved(base, k, h, True), marker, x)),
-            (6, lambda h, k=k: apart(base, moved(marker, k, h, True), x)),
-        ):
-            slope = (change(step) - change(-step)) / (2 * step)
-            assert slope == pytest.approx(H[:, :, first + k], abs=2e-8)
-    if chained_robot.spec.passive_axis:  # angles are seen in no frame
-        assert np.array_equal(seen, x)
-        for j in range(n):
-            turned = step * np.eye(n)[j]
-            slope = apart(base, marker, x + turned) - apart(base, marker, x - turned)
-            assert slope / (2 * step) == pytest.approx(H_x[:, :, j], abs=2e-8)
-        return
-    pose = frames.frames(chained_robot, x)
-    for j in range(n):
-        name = chained_robot.coordinates[j][0]
-        k = ["x", "y", "z", "rx", "ry", "rz"].index({"theta": "rz"}.get(name, name))
-        values = []
-        for h in (step, -step):
-            there = np.array([moved(T, k, h, True) for T in pose])
-            values.append(apart(base, marker, frames.coordinates(chained_robot, there)))
-        assert (values[0] - values[1]) / (2 * step) == pytest.approx(H_x[:, :, j], abs=2e-8)
-
-
 ROBOTS = ("h4", "delta", "stewart", "five-bar", "3rrr")
 
 

@@ -9,11 +9,9 @@ import pytest
 import truepose as tp
 from truepose.calibration import zero
 from truepose.faults.monitor import Review
-from truepose.robot.laws import usual
+from truepose.robot import coordinate_axes, summed, usual
 from truepose.robot.redundancy import Estimate
-from truepose.robot.units import coordinate_axes, summed
-from truepose.show.results import Shown
-from truepose.show.units import PRINT, printed
+from truepose.show import PRINT, Shown, printed
 
 
 def test_a_fit_says_what_it_rests_on_and_draws_every_parameter(h4, truth, table2):
@@ -176,8 +174,9 @@ def test_every_class_that_a_public_function_returns_shows_itself():
     assert {tp.accuracy, tp.steady_state, tp.faults.isolate} <= set(functions)
     seen = {Estimate, Review}  # of methods
     for function in functions:
-        word = inspect.signature(function).return_annotation
-        returned = vars(inspect.getmodule(function)).get(word.partition("[")[0])
+        returned = inspect.signature(function).return_annotation
+        if isinstance(returned, str):
+            returned = vars(inspect.getmodule(function)).get(returned.partition("[")[0])
         if isinstance(returned, type) and returned not in given:
             assert issubclass(returned, Shown), (function, returned)
             seen.add(returned)

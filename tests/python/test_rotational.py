@@ -8,7 +8,7 @@ from fixtures import refused
 
 import truepose as tp
 from truepose import robotfile
-from truepose.robot.frames import coordinates, frames
+from truepose.robot.frames import frames
 from truepose.robot.passive import passive_axes
 
 PIVOTS = ("g1-ankle", "x1-ankle", "neck")
@@ -52,27 +52,6 @@ def test_the_rods_close_on_a_nacelle_that_the_axes_carry_one_after_the_other(piv
             assert np.linalg.norm(A - B) == pytest.approx(chain.rod, abs=1e-14)
 
 
-def test_angles_are_found_from_a_frame(pivot, anywhere, rng):
-    x = anywhere(pivot, 200, rng)
-    assert coordinates(pivot, frames(pivot, x)) == pytest.approx(x, abs=1e-12)
-
-
-@pytest.mark.parametrize("name", [*PIVOTS, "h4", "stewart"])
-def test_torque_times_rate_is_the_same_at_the_joints_as_at_the_motors(name, anywhere, rng):
-    robot = tp.load(name)
-    x, rate = anywhere(robot, 200, rng), rng.normal(size=(200, robot.n))
-    torque = rng.normal(size=(200, robot.n))
-    motor_rate = np.linalg.solve(robot.jacobian(x), rate[..., None])[..., 0]
-    at_motors, at_joints = torque * motor_rate, robot.joint_torque(x, torque) * rate
-    size = np.abs(at_motors).sum(axis=1) + np.abs(at_joints).sum(axis=1)
-    assert (np.abs(at_motors.sum(axis=1) - at_joints.sum(axis=1)) < 1e-14 * size).all()
-    back = robot.motor_torque(x, robot.joint_torque(x, torque))
-    assert back == pytest.approx(torque, abs=1e-12)
-    assert robot.joint_torque(x[0], torque[:3]).shape == (3, robot.n)
-    with refused(r"^x \(200, \d\), torque \(3, \d\): leading shapes"):
-        robot.joint_torque(x, torque[:3])
-
-
 def test_motors_that_hold_the_foot_hold_its_weight_about_its_axes(pivot):
     """Statics without truepose's dynamics: the weight's moment about each axis, of all masses 0."""
     robot = pivot.with_each("chain", lambda _: {"arm_mass": 0, "rod_mass": 0})
@@ -83,16 +62,6 @@ def test_motors_that_hold_the_foot_hold_its_weight_about_its_axes(pivot):
     moment = [-axis @ np.cross(centre - at, weight) for at, axis in passive_axes(robot.core, x)]
     held = robot.joint_torque(x, robot.inverse_dynamics(x, still, still))
     assert held == pytest.approx(moment, abs=1e-12)
-
-
-def test_encoders_on_its_axes_read_its_coordinates(pivot, anywhere, rng):
-    names = [sensor.name for sensor in pivot.spec.sensor if sensor.kind == "axis_angle"]
-    robot = pivot.with_sensors(*names).replace({f"{names[0]}.offset": 0.01})
-    x = anywhere(robot, 20, rng)
-    off = 0.01 * np.eye(robot.n)[0]
-    assert robot.rkm(x) == pytest.approx(x - off, abs=1e-15)
-    found = robot.estimate(robot.extended_positions(x))
-    assert found.x == pytest.approx(x, abs=1e-9)
 
 
 def test_it_saves_and_loads(pivot, tmp_path):

@@ -13,10 +13,6 @@ def there_and_back(robot, x, rng, **level):
     return max(np.abs(robot.fkm(q, guess, **level) - x).max() for guess in (None, near))
 
 
-def test_fkm_undoes_ikm_over_table_2s_box(h4, anywhere, rng, count):
-    assert there_and_back(h4, anywhere(h4, count, rng), rng) < 1e-12
-
-
 def test_fkm_undoes_ikm_for_a_robot_with_errors(truth, table2):
     assert np.abs(truth.fkm(truth.ikm(table2)) - table2).max() < 1e-12
 
@@ -25,17 +21,6 @@ def test_fkm_undoes_ikm_for_a_robot_with_errors(truth, table2):
 def test_no_shipped_robot_loses_one_of_10_000_poses(any_robot, anywhere, rng, level):
     x = anywhere(any_robot, 10_000, rng)
     assert there_and_back(any_robot, x, rng, level=level) < 1e-12
-
-
-def test_the_redundant_fkm_agrees_with_newton_everywhere_theta_0_included(h4, anywhere, rng, count):
-    x = anywhere(h4, count, rng)
-    x[::2, 3] = 0  # there the spheres' centres are coplanar
-    assert np.abs(h4.redundant_fkm(h4.extended_positions(x)) - x).max() < 1e-12
-
-
-def test_the_redundant_fkm_of_a_translation_robot_needs_no_sensor(delta, anywhere, rng):
-    x = anywhere(delta, 2000, rng)
-    assert np.abs(delta.redundant_fkm(delta.ikm(x)) - x).max() < 1e-12
 
 
 @pytest.mark.parametrize("sensors", [["z_telemeter"], ["theta", "z_telemeter"]])
@@ -56,49 +41,6 @@ def test_the_redundant_fkm_says_that_it_lacks_a_sensor(h4):
 def test_the_motors_of_the_h4_stand_as_its_derivation_says(h4):
     q = np.degrees(h4.ikm([0, 0, -0.5, 0]))
     assert q == pytest.approx([38.9429] * 4, abs=5e-5)
-
-
-def test_another_branch_is_not_taken_for_the_robots_own(h4):
-    """A nacelle above the motors, or turned past the singularity, may close the same rods."""
-    q = h4.ikm([0, 0, -0.4, 0])
-    assert h4.fkm(q, guess=[0, 0, 0.6, 0]) == pytest.approx([0, 0, -0.4, 0], abs=1e-12)
-    turned = [0, 0, -0.4, 3.0]
-    with refused("branch lost", tp.PoseError):
-        h4.fkm(h4.ikm(turned), guess=turned)
-
-
-def test_motors_for_which_no_pose_is_found_are_not_called_unreachable_without_proof(h4, stewart):
-    with refused(r"q = \[-2, 2, -2, 2\]: not converged", tp.PoseError):
-        h4.fkm([-2, 2, -2, 2])
-    legs = stewart.ikm(stewart.home)
-    with refused("unreachable", tp.PoseError):  # one leg longer than all around it
-        stewart.fkm([5.0, *legs[1:]])
-
-
-@pytest.mark.parametrize("name", ["stewart", "hexa", "hexaglide"])
-def test_a_hexapod_turned_by_60_degrees_is_found_from_home(name, count, rng):
-    """Newton alone loses some of them, of which it said that no pose closes the loops."""
-    robot = tp.load(name)
-    box = robot.spec.workspace
-    x = rng.uniform(box.minimum, box.maximum, size=(min(count, 20_000), 6))
-    axes = rng.normal(size=(len(x), 3))
-    x[:, 3:] = np.radians(60) * axes / np.linalg.norm(axes, axis=1)[:, None]
-    q = robot.ikm(x, errors="nan", own_mode=True)
-    mine = np.isfinite(q).all(axis=1)
-    mine[mine] = robot.conditioning(x[mine]).parallel > 1e-3  # not singular
-    assert mine.mean() > 0.5
-    found = robot.fkm(q[mine])
-    assert np.abs(robot.ikm(found, own_mode=True) - q[mine]).max() < 1e-9
-    assert (np.abs(found - x[mine]).max(axis=1) < 1e-5).mean() > 0.999
-
-
-@pytest.mark.parametrize("yaw", [90, -90])
-def test_legs_of_a_singular_pose_are_singular_not_unreachable(stewart, yaw, rng):
-    x = stewart.home + np.array([0, 0, 0, 0, 0, np.radians(yaw)])
-    for offset in rng.uniform(-0.03, 0.03, size=(10, 3)):
-        q = stewart.ikm(x + np.array([*offset, 0, 0, 0]))
-        with refused(r": singular$", tp.PoseError):
-            stewart.fkm(q)
 
 
 def test_the_inverse_model_refuses_another_assembly_mode_where_asked(chained_robot):
@@ -124,13 +66,6 @@ def test_the_inverse_model_refuses_another_assembly_mode_where_asked(chained_rob
                 chained_robot.ikm(x, own_mode=True)
     # The linear delta's other mode has other working modes, a pivot's is beyond its stops.
     assert told > 0 or chained_robot.name == "linear-delta" or chained_robot.spec.passive_axis
-
-
-def test_at_the_full_level_too_another_mode_is_refused(truth):
-    turned = [0, 0, -0.4, 3.0]
-    assert np.isfinite(truth.ikm(turned, level="full")).all()
-    with refused("branch lost", tp.PoseError):
-        truth.ikm(turned, level="full", own_mode=True)
 
 
 def test_readings_of_a_longer_rod_give_the_nominal_robot_another_pose(h4):

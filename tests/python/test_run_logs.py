@@ -2,6 +2,7 @@
 
 import builtins
 import json
+import re
 
 import numpy as np
 import pytest
@@ -90,10 +91,8 @@ def test_a_missing_package_is_one_line_that_says_how_to_get_it(
 
     monkeypatch.setattr(builtins, "__import__", without)
     for work in (lambda: logs.write(move, path, force=True), lambda: logs.read(h4, path)):
-        with pytest.raises(tp.InputError) as error:
+        with refused(re.escape(f"pip install 'truepose[{extra}]'")):
             work()
-        assert f"pip install 'truepose[{extra}]'" in str(error.value)
-        assert "\n" not in str(error.value)
 
 
 def test_an_unknown_ending_is_said(move, tmp_path):
@@ -106,9 +105,8 @@ def test_a_spoilt_mcap_file_is_said_in_one_line(move, h4, tmp_path, cut):
     path = tmp_path / "a.mcap"
     logs.write(move, path)
     path.write_bytes(path.read_bytes()[:cut])
-    with refused(r"cannot be read as MCAP: ") as error:
+    with refused(r"cannot be read as MCAP: "):
         logs.read(h4, path)
-    assert "\n" not in str(error.value)
 
 
 def test_a_column_in_two_channels_is_refused(h4, tmp_path):

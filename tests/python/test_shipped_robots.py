@@ -100,7 +100,7 @@ def test_every_tolerance_acts(any_robot):
     How far a pair's rods are apart they tell only where these are not equally long.
     """
     x = any_robot.home + 0.01 * np.arange(1, any_robot.n + 1)
-    robot = any_robot.with_sensors(*[sensor.name for sensor in any_robot.spec.sensor])
+    robot = any_robot.with_sensors("all")
     unequal = [name for name in robot.parameters if name.endswith(".rod_difference")]
     robot = robot.replace(dict.fromkeys(unequal, 1e-3))
     for name, parameter in robot.parameters.items():
@@ -130,7 +130,7 @@ def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
 
     Places along a beam are one with its zero: a column of H_ξ that others span needs no tolerance.
     """
-    robot = any_robot.with_sensors(*[sensor.name for sensor in any_robot.spec.sensor])
+    robot = any_robot.with_sensors("all")
     _, H_xi = robot.expected().linearize(anywhere(any_robot, 50, rng))
     for row, sensor in enumerate(robot.sensors, start=robot.n):
         columns = {

@@ -5,7 +5,7 @@ import pytest
 from fixtures import refused
 
 import truepose as tp
-from truepose.robot.laws import LAWS
+from truepose.robot import LAWS
 from truepose.simulation import Run
 from truepose.simulation.paths import MOVE_FROM, MOVE_TO
 from truepose.simulation.plants.dynamic import visit
@@ -188,10 +188,9 @@ def test_a_controller_says_which_setting_is_wrong(name, value, must):
     ],
 )
 def test_a_simulation_says_which_argument_is_wrong(h4, bad, message):
-    with refused(message) as raised:
+    with refused(message):
         named = {name: bad.pop(name) for name in ("controller", "truth", "effects") if name in bad}
         tp.simulate(h4, run=Run(**bad), **named)
-    assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
-from truepose.robot import knowledge
-from truepose.robot.frames import rotation, rotation_vector
+from truepose.robot import knowledge, rotation, rotation_vector
 from truepose.simulation.chart import difference
 
 OUTSIDE = 1e-5  #: σ of an outside measurement, m and rad
@@ -120,7 +119,7 @@ def test_poses_that_fine_counts_tell_apart_are_different(stewart, rng):
 def test_a_search_ends_however_fine_the_motors_count(name, level, seed, anywhere):
     """Motors of 10 nrad beside sensors a thousand times as coarse: a clean log is not refused."""
     robot = tp.load(name)
-    robot = with_motors(robot.with_sensors(*(s.name for s in robot.spec.sensor)), 1e-8)
+    robot = with_motors(robot.with_sensors("all"), 1e-8)
     x = anywhere(robot, 100, np.random.default_rng(seed))
     true = robot.sample(seed)
     q_e = true.read(x, seed=seed, level=level)

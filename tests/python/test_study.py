@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fixtures import refused
 
 import truepose as tp
 from truepose.exceptions import InputError
@@ -110,9 +111,8 @@ def test_a_calibration_on_more_poses_is_a_better_one():
     ],
 )
 def test_a_grid_that_is_not_used_is_refused(function, grid, message):
-    with pytest.raises(InputError, match=message) as refused:
+    with refused(message, InputError):
         tp.monte_carlo(function, "3rrr", 2, grid=grid, workers=0)
-    assert "\n" not in str(refused.value)
 
 
 def test_cases_without_an_answer_are_counted_and_spoil_no_median(run, tmp_path):
@@ -202,11 +202,11 @@ def test_tasks_take_about_a_second_and_are_small_at_the_end(seconds):
 def test_a_folder_of_another_study_is_left_alone(tmp_path):
     tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "kept")
     for other in ({"seed": 1}, {"grid": {"n": [1]}}):
-        with pytest.raises(InputError, match=r"holds another study: (seed|grid) "):
+        with refused(r"holds another study: (seed|grid) "):
             tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "kept", **other)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").touch()
-    with pytest.raises(InputError, match="must be empty, or hold this study"):
+    with refused("must be empty, or hold this study"):
         tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "mine")
 
 
@@ -230,7 +230,7 @@ def test_what_a_robot_refuses_is_told_and_what_fails_is_named():
         (lambda case: {"number": 1}, "'number' is the name of another column"),
         (lambda case: {"case": 1}, "'case' is the name of another column"),
     ):
-        with pytest.raises(InputError, match=said):
+        with refused(said):
             tp.monte_carlo(wrong, "3rrr", 1, workers=0)
 
 
@@ -261,22 +261,21 @@ def test_a_cluster_of_other_versions_is_refused(monkeypatch):
             return self.found
 
     old = workers.versions() | {"numpy": "1.0"}
-    with pytest.raises(InputError, match=r"worker tcp://a has numpy 1\.0, here is"):
+    with refused(r"worker tcp://a has numpy 1\.0, here is"):
         dask_cluster.require_same(Client({"tcp://a": old}))
-    with pytest.raises(InputError, match="no workers"):
+    with refused("no workers"):
         dask_cluster.require_same(Client({}))
 
 
-def test_no_cluster_where_there_is_none_is_one_line(run, monkeypatch):
+def test_no_cluster_where_there_is_none_is_one_line(refusal, monkeypatch):
     pytest.importorskip("distributed", reason="dask is not installed")
     monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
-    status, _, errors = run(
+    assert "--cluster tcp://127.0.0.1:9: no scheduler responds there" in refusal(
         "monte-carlo", "rest", "3rrr", "--count", 2, "--cluster", "tcp://127.0.0.1:9"
     )
-    assert status == 2 and "--cluster tcp://127.0.0.1:9: no scheduler responds there" in errors
 
 
-def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
+def test_the_command_asks_ready_questions_and_those_of_a_file(run, refusal, tmp_path):
     status, out, errors = run("monte-carlo", "calibration", "h4", "--count", 2, "--workers", 0)
     assert status == 0 and "calibrated_mm" in out and "bound_deg" in out, errors
     script = tmp_path / "mine.py"
@@ -292,8 +291,7 @@ def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
         (f"{script}:rod", "did you mean 'rods'"),
         (f"{tmp_path / 'no.py'}:rods", "cannot be read"),
     ):
-        status, _, errors = run("monte-carlo", wrong, "3rrr")
-        assert status == 2 and said in errors and len(errors.splitlines()) == 1, errors
+        assert said in refusal("monte-carlo", wrong, "3rrr")
 
 
 def ended(pid: int) -> bool:

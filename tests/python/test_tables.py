@@ -7,8 +7,7 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.faults.fault import FAULT_KINDS, FaultKind
-from truepose.robot.laws import LAWS, Law
-from truepose.robot.units import unit_of
+from truepose.robot import LAWS, Law, unit_of
 from truepose.robotfile.sensors import SENSORS, Encoder
 from truepose.robotfile.to_core import columns, drawn
 

@@ -8,8 +8,8 @@ import pytest
 import truepose as tp
 from truepose.calibration.learnt import calibrated
 from truepose.control.changes import Change
-from truepose.robot.workspace import workspace_samples
-from truepose.show.results import figure_of
+from truepose.robot import workspace_samples
+from truepose.show import figure_of
 from truepose_life import report
 from truepose_life.bound import bound
 from truepose_life.cycle import commissioned

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 
 import truepose as tp
 from truepose.exceptions import InputError
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import workspace_samples
 from truepose_mujoco.importers import from_mjcf, from_urdf, robot_of
 
 EIGHT = 'name = "eight"\nmobility = "spatial"\nhome = [0, 0, 1.2, 0, 0, 0]\n' + "".join(

@@ -35,10 +35,6 @@ def settings(request) -> int:
     return min(request.config.getoption("--count") or 6, 200)
 
 
-def padded(values):
-    return [*map(float, values), *[0.0] * (6 - len(values))]
-
-
 def imperfect(robot, rng, turned):
     """Errors of arms and rods, of every part of a pivot; axes turned where every rod can follow."""
     sampled = robot.sample(int(rng.integers(2**32)))

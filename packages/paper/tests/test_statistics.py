@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.robot.workspace import workspace_grid
+from truepose.robot import workspace_grid
 from truepose.simulation.paths import MOVE_DURATION, MOVE_FROM, MOVE_TO
 from truepose_paper import article, experiment
 

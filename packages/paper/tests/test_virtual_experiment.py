@@ -6,8 +6,7 @@ import pytest
 import truepose as tp
 from truepose import logs
 from truepose.calibration import CalibrationOptions
-from truepose.robot import frames
-from truepose.robot.frames import coordinates
+from truepose.robot import coordinates, frames
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.exact import ExactPlant, follow_backlash
 from truepose_paper import experiment, twin, virtual_experiment

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.robot.frames import coordinates, frames, rotation, rotation_vector
+from truepose.robot import coordinates, rotation, rotation_vector
+from truepose.robot.frames import frames
 from truepose_paper.vision import CAMERAS, Setup, Vision
 
 SYSTEMS = 60

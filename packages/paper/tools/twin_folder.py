@@ -10,8 +10,9 @@ import numpy as np
 import tomlkit
 
 from truepose import files, robotfile
-from truepose.robot.robot import Robot, load
-from truepose.show.table import Table, markdown, number
+from truepose.robot import Robot, load
+from truepose.show import Table, number
+from truepose.show.table import markdown
 from truepose.threads import each
 from truepose_paper import article, tables, twin
 from truepose_paper.experiment import CONTROLS

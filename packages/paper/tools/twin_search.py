@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose_paper import article
 from truepose_paper.article import paper_directions
 from truepose_paper.twin import Twin, printed, tables

@@ -22,9 +22,8 @@ import truepose as tp
 from truepose.design.criterion import Criterion
 from truepose.design.error_budget import errors_at
 from truepose.exceptions import PoseError, TrueposeError
+from truepose.robot import LAWS, summed
 from truepose.robot.frames import frames
-from truepose.robot.laws import LAWS
-from truepose.robot.units import summed
 from truepose_workbench import answers, charts, log_tab, motion_tab, serve, words
 from truepose_workbench.scene import Scene
 from truepose_workbench.state import (

@@ -4,8 +4,6 @@ Run as ``python packages/workbench/tools/pictures.py``; needs playwright, Pillow
 chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import shutil
@@ -18,8 +16,8 @@ from PIL import Image
 from playwright.sync_api import Page as Seen
 from playwright.sync_api import sync_playwright
 
+from truepose.robot import load
 from truepose.robot.frames import frames
-from truepose.robot.robot import load
 from truepose_workbench import serve
 from truepose_workbench.state import Terms, demonstration
 

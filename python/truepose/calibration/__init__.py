@@ -11,7 +11,7 @@ from truepose.calibration.influences import (
 from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import Registration
 from truepose.calibration.zeroing import Zeroing, zero
-from truepose.robot.compliance import Payloads
+from truepose.robot import Payloads
 
 __all__ = [
     "Calibration",

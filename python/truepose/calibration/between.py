@@ -1,7 +1,5 @@
 """Differences between rows of a log: plane contacts, repeated points, measured distances."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose import logs
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.differences import AXES, Difference, DistanceMeasurements, PlaneContacts
 from truepose.calibration.expectation import poses_of
 from truepose.exceptions import InputError, choose, one_line, shortened
 from truepose.logs.reading import PLANES, POINT, Log
-from truepose.robot import frames
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, frames
 
 #: Default σ of a touch and of a distance, m (assumed).
 SIGMA = 2e-5
@@ -134,7 +131,7 @@ class Between:
     def in_millimetres(self, robot: Robot, log: Log) -> bool:
         """Return whether distances are mostly far beyond all places of the log."""
         place = self._places(robot, log)
-        place = place[np.isfinite(place).all(axis=1)]
+        place = place[finite_rows(place)]
         reach = np.linalg.norm(np.ptp(place, axis=0)) if len(place) else np.inf
         sizes = [of.measured for of in self.distances]
         return bool(sizes) and bool(np.median(sizes) > FAR * reach)

@@ -1,7 +1,5 @@
 """Cramér-Rao bound: the pose accuracy to expect, before anything is built."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,16 +7,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, numbers_like, require
+from truepose.arguments import Array, Errors, Level, numbers_like
 from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import PoseError
-from truepose.robot import conditions, knowledge
-from truepose.robot.batches import as_row, flattened, require_answers
+from truepose.robot import (
+    Robot,
+    as_row,
+    conditions,
+    flattened,
+    knowledge,
+    require_answers,
+    require_robot,
+    summed,
+)
 from truepose.robot.maps import draw_map
-from truepose.robot.robot import Robot
-from truepose.robot.units import coordinate_table, summed
-from truepose.show.results import ShownArray
-from truepose.show.table import Table
+from truepose.robot.units import coordinate_table
+from truepose.show import ShownArray, Table
 
 #: σ of an exactly known pose, as a share of the smallest reading σ: 0 has no inverse.
 EXACT = 1e-6
@@ -146,7 +150,7 @@ def accuracy(
     >>> round(1e3 * P.rms, 2), P.shape
     (0.16, (625, 4, 4))
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     knowledge.require_uncertain(robot)
     model, level = robot.expected(), robot.highest_level if level is None else level
     known = knowledge.knowledge(robot, level=level, error=model_error, at_work=True)

@@ -1,7 +1,5 @@
 """Self-calibration of a robot from a log of its own readings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs, moved
-from truepose.arguments import require
+from truepose.arguments import finite_rows
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
@@ -36,8 +34,7 @@ from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import KnownPose
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
-from truepose.robot.compliance import Payloads
-from truepose.robot.robot import Robot
+from truepose.robot import Payloads, Robot, require_robot
 
 #: Factor of the σ from which a misfit is notable.
 NOTABLE = 1.2
@@ -127,7 +124,7 @@ def calibrate(
     >>> print(abs(fit.robot.estimate(true.extended_positions(dowel)).x - dowel).max() < 1e-5)
     True
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     table, notes, refused = logs.is_table(readings), list[str](), list[str]()
@@ -224,7 +221,7 @@ def unsound(fit: Calibration, wider: bool) -> str:
     rows = (fit.status == "ok") & (fit.redundancy > 0)
     if rows.any() and (apart := fit.disagreement(rows)) > APART:
         return f"the readings disagree by {apart:.0f} times their noise, at most {APART:g}"
-    x = fit.x[np.isfinite(fit.x).all(axis=1)]
+    x = fit.x[finite_rows(fit.x)]
     if wider or not len(x):
         return ""
     worse = []
@@ -267,14 +264,14 @@ def contradicting(robot: Robot, log: Log) -> str:
     """Name the sensor and the rows that are furthest from their prediction by the motors."""
     seen = expect(robot.expected(), log.readings, loads=log.loads)
     square = np.nan_to_num((seen.residual / seen.sigma) ** 2)
-    off = np.where(np.isfinite(seen.x).all(axis=1), square.sum(axis=1), np.inf)
+    off = np.where(finite_rows(seen.x), square.sum(axis=1), np.inf)
     name = f"{robot.sensors[square.sum(axis=0).argmax()]}, " if robot.r else ""
     return f"furthest from the motors' prediction: {name}{log.at(np.argsort(-off)[:8])}"
 
 
 def left_out(fit: Calibration, log: Log) -> list[str]:
     """List rows with motor readings that the calibrated robot cannot reach, by reason."""
-    read = np.isfinite(log.readings[:, : fit.robot.m]).all(axis=1)
+    read = finite_rows(log.readings[:, : fit.robot.m])
     if not read.size:  # known poses alone
         return []
     reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())

@@ -1,15 +1,12 @@
 """Causes that explain a log: a wrong part, a mistake in its columns or rows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table
+from truepose.show import Cell, Shown, Table
 
 Verdict = Literal["none", "decisive", "undecided", "unexplained"]
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_like
+from truepose.arguments import Array, numbers_like, sigmas_of
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, choose
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 AXES = "xyz"
 #: Probability that a set of correct differences has one reported as wrong.
@@ -158,7 +158,7 @@ class Assembled:
         covariance = joint[np.ix_(at, at)]
         unknowns = {
             self.names[k]: Learnt(self.mean[k], self.sigma[k], float(w[k]), float(sigma))
-            for k, sigma in zip(free, np.sqrt(np.diag(covariance)), strict=True)
+            for k, sigma in zip(free, sigmas_of(covariance), strict=True)
         }
         parts = np.split(each, np.cumsum([math.prod(shape) for shape in self.shapes])[:-1])
         found = tuple(

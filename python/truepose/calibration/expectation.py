@@ -1,18 +1,14 @@
 """Prediction of every reading from the motors alone, with its σ."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.influences import relieved
 from truepose.calibration.registration import Registered
-from truepose.robot import compliance, knowledge
-from truepose.robot.compliance import Payloads
-from truepose.robot.robot import Robot
+from truepose.robot import Payloads, Robot, compliance, knowledge
 
 #: Rows per batch.
 LINES = 4096
@@ -75,7 +71,7 @@ def expect(
     if level == "ideal":
         noise = np.hypot(noise, knowledge.stated_error(robot))
     J = np.full((len(x), n, m), np.nan)
-    good = np.isfinite(H_x).all(axis=(1, 2))
+    good = finite_rows(H_x)
     J[good] = np.linalg.pinv(H_x[good, :m])
     A = np.zeros((len(x), r, m + r))
     A[:, :, :m] = -H_x[:, m:] @ J
@@ -99,8 +95,8 @@ def expect(
 def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:
     """Return the FKM of a log, (N, n): from home, else from the last pose found; else NaN."""
     x = robot.fkm(q, errors="nan", level=level)
-    good = np.isfinite(x).all(axis=1)
-    lost = ~good & np.isfinite(q).all(axis=1)
+    good = finite_rows(x)
+    lost = ~good & finite_rows(q)
     if lost.any() and good.any():
         last = np.maximum.accumulate(np.where(good, np.arange(len(x)), np.argmax(good)))
         x[lost] = robot.fkm(q[lost], x[last[lost]], errors="nan", level=level)

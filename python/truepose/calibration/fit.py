@@ -1,7 +1,5 @@
 """Result of a calibration: geometry, covariance, residuals, unobserved parameters."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, sigmas_of
 from truepose.calibration import learnt
 from truepose.calibration.cause import NO_CAUSE, Causes
 from truepose.calibration.differences import Differences
@@ -18,12 +16,8 @@ from truepose.calibration.learnt import VERDICTS, Departure, Learnt, chi2_quanti
 from truepose.calibration.options import Loss
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
-from truepose.robot import conditions, knowledge
-from truepose.robot.batches import flattened, require_answers
-from truepose.robot.robot import Robot
-from truepose.robot.units import in_print
-from truepose.show.results import Shown
-from truepose.show.table import Table
+from truepose.robot import Robot, conditions, flattened, in_print, knowledge, require_answers
+from truepose.show import Shown, Table
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +96,7 @@ class Calibration(Shown):
         before, after = self.prior.parameters, self.robot.parameters
         return {
             name: Learnt(before[name].mean, before[name].sigma, after[name].value, sigma)
-            for name, sigma in zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True)
+            for name, sigma in zip(self.names, sigmas_of(self.covariance), strict=True)
         }
 
     @property

@@ -1,7 +1,5 @@
 """Nonlinear least squares for a robot's geometry, with priors and robust losses."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Sequence
@@ -11,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, sigmas_of
 from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
@@ -30,9 +28,7 @@ from truepose.calibration.registration import (
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
 from truepose.logs.reading import repeated
-from truepose.robot import knowledge
-from truepose.robot.compliance import Payloads
-from truepose.robot.robot import Robot
+from truepose.robot import Payloads, Robot, knowledge
 from truepose.robotfile.to_core import columns
 
 #: Share of correct known poses that is reported as contradicting the other data.
@@ -126,7 +122,7 @@ def _fit_upright(problem: Problem) -> Calibration:
             )
         )
         _require_found(robot, answer, options.loss, lines.known)
-        sigmas = np.sqrt(np.diag(answer.covariance))
+        sigmas = sigmas_of(answer.covariance)
         stretched = stretching.learnt(answer.amounts[k:], sigmas[last])
         covariance = answer.covariance[np.ix_(geometry, geometry)]
         after = _calibrated(robot, names, answer, covariance, stretched, guarded).with_level(level)
@@ -297,7 +293,7 @@ def _calibrated(
     column = dict(columns(robot.spec))
     values = {name: float(answer.xi[column[name]]) for name in names if name in column}
     values |= {name: of.value for name, of in stretched.items()}
-    sigma = np.sqrt(np.diag(covariance))  # scaled: factors mix no units
+    sigma = sigmas_of(covariance)  # scaled: factors mix no units
     root = sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
     source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
     error = knowledge.model_error(robot) if guarded else None

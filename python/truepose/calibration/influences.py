@@ -1,7 +1,5 @@
 """Nuisance parameters: patterns that act on the readings, as of loads and earlier homings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,10 +11,16 @@ from truepose import _core
 from truepose.arguments import Array, numbers_like
 from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError
-from truepose.robot import compliance, conditions, knowledge
-from truepose.robot.batches import flattened, require_answers
-from truepose.robot.compliance import Payloads, under_load
-from truepose.robot.robot import Robot
+from truepose.robot import (
+    Payloads,
+    Robot,
+    compliance,
+    conditions,
+    flattened,
+    knowledge,
+    require_answers,
+)
+from truepose.robot.compliance import under_load
 
 #: Share of a common cause by which parameters may differ from it: keeps a covariance regular.
 SURE = 1e-2

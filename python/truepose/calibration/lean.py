@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter
@@ -19,9 +19,8 @@ from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.logs.base_lean import MOST
 from truepose.logs.reading import POSTURE, stood
-from truepose.robot import lean
-from truepose.robot.robot import Robot
-from truepose.show.units import printed
+from truepose.robot import Robot, lean
+from truepose.show import printed
 
 #: Assumed σ of a lean that nothing measured, and of a base IMU's bias, rad: 1° and 0.2°.
 UNMEASURED, BIAS = math.radians(1), math.radians(0.2)
@@ -70,7 +69,7 @@ class Leaning:
         x = poses_of(self.robot, self.log.readings[:, : self.robot.m])
         if self.log.measured is not None:
             x = np.where(self.implied, self.log.measured, x)
-        rows = np.isfinite(x).all(axis=1) & self.implied.any(axis=1)
+        rows = finite_rows(x) & self.implied.any(axis=1)
         x[rows] = lean.leveled(self.robot, x[rows], self.about[rows], self.implied[rows])
         return x
 

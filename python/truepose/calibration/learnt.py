@@ -1,7 +1,5 @@
 """Identified parameters, and the prior-consistency (χ²) test of their tolerances."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -9,11 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
-from truepose.show.table import Cell, Table, fixed
-from truepose.show.units import named
+from truepose.show import Cell, Table, fixed, named
 
 #: Largest posterior over prior σ of an identified, and of a barely identified parameter.
 IDENTIFIED, BARELY = 0.3, 0.9

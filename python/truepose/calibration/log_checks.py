@@ -1,7 +1,5 @@
 """Checks of a log before a geometry is fitted to it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -10,17 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows, sigmas_of
 from truepose.calibration.bound import accuracy
 from truepose.calibration.causes.rows import runs_of, stuck_at
 from truepose.calibration.expectation import expect, poses_of
 from truepose.logs import Log
-from truepose.robot import knowledge
-from truepose.robot.batches import as_rows
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
-from truepose.robot.workspace import samples_or_home
-from truepose.show.units import printed
+from truepose.robot import Robot, as_rows, knowledge, reading_units, samples_or_home
+from truepose.show import printed
 
 #: Median deviation of a reading from its prediction, σ, that no geometry explains.
 APART = 5.0
@@ -90,7 +84,7 @@ def _distinct(robot: Robot, log: Log) -> Array:
     q = log.readings[:, : robot.m]  # poses by their counts
     count = robot.resolution[: robot.m]
     step = np.where(count > 0, count, 1e-6)
-    rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+    rows = np.flatnonzero(finite_rows(q))
     _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
     return rows[first]
 
@@ -99,7 +93,7 @@ def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
     cells = log.readings if log.measured is None else np.hstack([log.readings, log.measured])
     more = np.asarray(np.isfinite(cells[:, robot.m :]).any(axis=1))
     log = log.only(more) if more.any() else log
-    read = int(np.isfinite(log.readings[:, : robot.m]).all(axis=1).sum())
+    read = int(finite_rows(log.readings[:, : robot.m]).sum())
     poses = len(_distinct(robot, log))
     if poses < 0.8 * read:
         yield Finding(
@@ -138,7 +132,7 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
 def _motors(robot: Robot, log: Log) -> list[Finding]:
     """Check whether the motors' readings give poses of this robot."""
     n = robot.m
-    rows = np.flatnonzero(np.isfinite(log.readings[:, :n]).all(axis=1))
+    rows = np.flatnonzero(finite_rows(log.readings[:, :n]))
     if not len(rows):
         return [Finding("no line has a reading of every motor", refused=True)]
     few = log.only(rows[np.linspace(0, len(rows) - 1, min(len(rows), FEW)).astype(int)])
@@ -162,11 +156,11 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
 def plausible(robot: Robot, readings: Array) -> float:
     """Return the share of rows whose motors close the loops near the workspace."""
     x = poses_of(robot, readings[:, : robot.m])
-    good = np.isfinite(x).all(axis=1)
+    good = finite_rows(x)
     if (box := robot.spec.workspace) is not None:
         low, high = np.array(box.minimum), np.array(box.maximum)
         alone = robot.with_sensors("none")
-        sigma = np.sqrt(np.diag(accuracy(alone, robot.home, errors="nan")))  # by its tolerances
+        sigma = sigmas_of(accuracy(alone, robot.home, errors="nan"))  # by its tolerances
         margin = 0.5 * (high - low) + NEAR * np.nan_to_num(sigma) + 1e-9
         good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
     return float(good.mean())
@@ -212,9 +206,9 @@ def _stuck(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     """
     n, findings, readings = robot.m, [], log.readings.copy()
     seen, steps = expect(robot, readings), np.maximum(robot.resolution, 1e-9)
-    rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
+    rows = np.flatnonzero(finite_rows(readings[:, :n]))
     odd = np.asarray((np.abs(seen.residual) > APART * seen.sigma).any(axis=1))
-    odd |= ~np.isfinite(seen.x).all(axis=1)
+    odd |= ~finite_rows(seen.x)
     for k, step in enumerate(steps):
         if k >= n:
             seen = expect(robot, readings) if k == n else seen

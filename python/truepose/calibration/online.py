@@ -1,7 +1,5 @@
 """Online (recursive) calibration, one row of readings at a time."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Mapping, Sequence
 
@@ -9,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, require
+from truepose.arguments import Array, Errors, Level, sigmas_of
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.search import search
@@ -17,10 +15,15 @@ from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.log_checks import log_of
 from truepose.calibration.options import CalibrationOptions, ModelError
 from truepose.exceptions import InputError, choose
-from truepose.robot import compliance, knowledge
-from truepose.robot.batches import flattened, require_answers
-from truepose.robot.compliance import warn_if_stiff
-from truepose.robot.robot import Robot
+from truepose.robot import (
+    Robot,
+    compliance,
+    flattened,
+    knowledge,
+    require_answers,
+    require_robot,
+    warn_if_stiff,
+)
 from truepose.robotfile.to_core import columns
 
 
@@ -69,7 +72,7 @@ class OnlineCalibrator:
         level: Level | None = None,
         model_error: ModelError = "on",
     ):
-        require(robot, Robot, "robot", "truepose.load(name)")
+        require_robot(robot)
         warn_if_stiff(robot, "an online calibration")
         self.level: Level = robot.highest_level if level is None else level  #: of the model
         self.prior = robot  #: at the start
@@ -210,7 +213,7 @@ class OnlineCalibrator:
     def parameters(self) -> dict[str, Learnt]:
         """Every uncertain parameter, before and now."""
         before, values = self._robot.parameters, self._values()
-        sigma = np.sqrt(np.diag(self.covariance))
+        sigma = sigmas_of(self.covariance)
         return {
             name: Learnt(before[name].mean, before[name].sigma, values[name], float(s))
             for name, s in zip(self._names, sigma, strict=True)

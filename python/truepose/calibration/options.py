@@ -1,7 +1,5 @@
 """Options of a calibration."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args

@@ -1,7 +1,5 @@
 """Parity equations: contradictions between readings, with the pose eliminated."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -12,15 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, logs
-from truepose.arguments import Array, numbers_like
+from truepose.arguments import Array, numbers_like, sigmas_of
 from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError, choose
-from truepose.robot import frames, knowledge
-from truepose.robot.batches import flattened
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, flattened, frames, knowledge
 from truepose.robot.units import angles as angles_of
-from truepose.show.units import printed
+from truepose.show import printed
 
 #: σ of an unknown angle, rad: uniform over a whole turn.
 ANY_TURN = math.pi / math.sqrt(3)
@@ -152,7 +150,7 @@ class Registered:
         Marker coordinates that only shift with the base, because the platform does not rotate that
         way, are given as sums: "base + marker.z", whose two parts keep their priors.
         """
-        R, after = self.base[:3, :3], np.sqrt(np.diag(self.covariance))
+        R, after = self.base[:3, :3], sigmas_of(self.covariance)
         free = self.sigma[6:9] > 0
         shared = free & (after[6:9] > UNSEEN * self.sigma[6:9]) & self.sigma[:3].any()
         name, axes = "base", np.array(list("xyz"))

@@ -1,13 +1,11 @@
 """Tables about a calibration: readings, parameters and the accuracy to expect."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration import learnt
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
@@ -20,11 +18,8 @@ from truepose.calibration.fitting import fit_to
 from truepose.calibration.registration import Registered, sigmas
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
-from truepose.robot.robot import Robot
-from truepose.robot.units import Axis, coordinate_axes, in_print, summed
-from truepose.robot.workspace import samples_or_home
-from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.units import PRINT, named
+from truepose.robot import Axis, Robot, coordinate_axes, in_print, samples_or_home, summed
+from truepose.show import PRINT, Cell, Table, fixed, named, number
 
 #: One row in so many is held out.
 FOLD = 5
@@ -114,7 +109,7 @@ def assess(
 
 
 def _reached(fit: Calibration, robot: Robot, x: Array) -> Array:
-    return x[np.isfinite(robot.ikm(x, errors="nan", level=fit.level)).all(axis=1)]
+    return x[finite_rows(robot.ikm(x, errors="nan", level=fit.level))]
 
 
 def _poses(fit: Calibration) -> tuple[str, Array]:
@@ -122,7 +117,7 @@ def _poses(fit: Calibration) -> tuple[str, Array]:
     x = _reached(fit, fit.robot, samples_or_home(fit.robot, POSES))
     if fit.robot.spec.workspace and len(x):
         return "over the workspace", x
-    x = fit.x[np.isfinite(fit.x).all(axis=1)]
+    x = fit.x[finite_rows(fit.x)]
     if len(x) == 0:
         raise PoseError(f"{fit.robot.name}: no line of the log has a pose")
     return "over the log's poses", x

@@ -1,7 +1,5 @@
 """Homing offsets of motors from reference postures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -9,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Array, numbers_like, require
+from truepose.arguments import Array, finite_rows, numbers_like
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import left_out
@@ -22,14 +20,9 @@ from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import KNOWN, Registered, leave_one_out, rows_of, sizes
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
-from truepose.robot import knowledge
+from truepose.robot import Robot, knowledge, reading_axes, reading_units, require_robot
 from truepose.robot.lean import leveled
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_axes, reading_units
-from truepose.show.charts import ranges
-from truepose.show.results import Shown
-from truepose.show.table import Table, number
-from truepose.show.units import named
+from truepose.show import Shown, Table, named, number, ranges
 
 #: Least share of a motor's variance at which a parameter is listed as a cause.
 _SHARE = 0.05
@@ -145,11 +138,11 @@ def zero(
     >>> [round(motor.off, 4) for motor in found.motors]
     [-0.005, -0.0117]
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
     known = _sigma_of(robot, sigma)
-    read = np.asarray(np.isfinite(log.readings[:, : robot.m]).all(axis=1))
+    read = finite_rows(log.readings[:, : robot.m])
     if not read.any():
         raise InputError("no line has a reading of every motor")
     postures, notes = _postures_of(robot, log.only(read), at, known)

@@ -1,7 +1,5 @@
 """`truepose accuracy`, `error-budget`: predicted errors, and what contributes to them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -13,12 +11,11 @@ from truepose.commands.where import ConditionsOption, CriterionOptions, UseOptio
 from truepose.design.error_budget import error_budget
 from truepose.design.prediction import Prediction, best, overview, predict
 from truepose.logs.reading import read_poses
+from truepose.robot import Axis, coordinate_axes, label, load, summed
 from truepose.robot.maps import workspace_slice
-from truepose.robot.robot import load
-from truepose.robot.units import Axis, Summed, coordinate_axes, label, summed
-from truepose.show.table import Cell, Table, tabled
+from truepose.robot.units import Summed
+from truepose.show import Cell, Table, measured, tabled
 from truepose.show.terminal import Format, show
-from truepose.show.units import measured
 
 
 def command(

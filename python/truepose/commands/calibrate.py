@@ -1,7 +1,5 @@
 """`truepose calibrate`, `zero`: calibration of a robot on a log, or on a reference posture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +8,7 @@ import numpy as np
 from typer import Argument, Option
 
 from truepose import logs
+from truepose.arguments import finite_rows
 from truepose.calibration import CalibrationOptions, log_checks, rehomed, review
 from truepose.calibration.between import Between, read
 from truepose.calibration.causes.hypothesis import Case
@@ -19,12 +18,9 @@ from truepose.calibration.zeroing import Zeroing, zero
 from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.logs import Log
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
-from truepose.robot.workspace import workspace_samples
-from truepose.show.table import Cell, Table, number
+from truepose.robot import Robot, reading_units, workspace_samples
+from truepose.show import PRINT, Cell, Table, number
 from truepose.show.terminal import Format, progress, say, show
-from truepose.show.units import PRINT
 
 #: Steps of the progress bar.
 STEPS = 3 + review.STEPS
@@ -260,7 +256,7 @@ def known(found: Zeroing) -> Table:
     places = {"at the reference pose": found.fit.x[:1]}
     if robot.spec.workspace is not None:
         x = workspace_samples(robot, ZEROED, np.random.default_rng(0))
-        places["over the workspace"] = x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
+        places["over the workspace"] = x[finite_rows(robot.ikm(x, errors="nan"))]
     rows = []
     for place, x in places.items():
         both = [np.sqrt(np.diagonal(P, 0, 1, 2).mean(axis=0)) for P in found.accuracy(x)]

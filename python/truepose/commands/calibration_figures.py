@@ -1,7 +1,5 @@
 """Figures of a calibration, and the page that holds them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,11 +11,9 @@ from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
 from truepose.files import picture
-from truepose.robot.units import in_print, summed
-from truepose.show.charts import lines
+from truepose.robot import in_print, summed
+from truepose.show import figure_of, lines, printed
 from truepose.show.page import as_uri, render, versions
-from truepose.show.results import figure_of
-from truepose.show.units import printed
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 

@@ -1,7 +1,5 @@
 """Command line: `truepose --help`."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """`truepose design`: accuracy against price of sensors, and the best set for a budget."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +18,9 @@ from truepose.design.selection import STEPS, SensorSelection, printed_errors
 from truepose.design.sensors import select_sensors
 from truepose.design.verification import ROBOTS, Verification, verify
 from truepose.exceptions import InputError
-from truepose.robot.robot import Robot, load
-from truepose.robot.units import label, summed
-from truepose.show.table import Table, number, tabled
+from truepose.robot import Robot, label, load, summed
+from truepose.show import PRINT, Table, measured, number, tabled
 from truepose.show.terminal import Format, progress, say, show
-from truepose.show.units import PRINT, measured
 
 #: Options of the selection alone.
 _CHOOSING = {"--price", "--budget", "--target", "--confidence", "--measure", "--survives"}

@@ -1,7 +1,5 @@
 """`truepose export`: a robot in another program's format."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
@@ -15,9 +13,8 @@ from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.deploy.c_tables import KIND, named, to_c
 from truepose.faults.monitor import FaultMonitor
+from truepose.robot import Law, Robot, usual
 from truepose.robot.compliance import taken_as_stiff
-from truepose.robot.laws import Law, usual
-from truepose.robot.robot import Robot
 from truepose.show.terminal import Format, say
 
 app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")

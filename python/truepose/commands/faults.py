@@ -1,7 +1,5 @@
 """`truepose faults`: detectability of sensor faults, or the faulty reading of a log."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,12 +16,10 @@ from truepose.faults.limits import FALSE_ALARM, HOURS, TIMES, Detectability, det
 from truepose.faults.monitor import FaultMonitor
 from truepose.faults.undetected import undetected_motors, worst_of
 from truepose.logs.reading import read_poses
-from truepose.robot.robot import Robot
-from truepose.robot.units import label
+from truepose.robot import Robot, label
 from truepose.robot.workspace import regular_grid
-from truepose.show.table import Cell, Table
+from truepose.show import PRINT, Cell, Table, measured
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT, measured
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity", "thermal")

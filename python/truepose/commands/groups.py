@@ -1,7 +1,5 @@
 """Options of commands from their signatures and from option groups, which are dataclasses."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import re

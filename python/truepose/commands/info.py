@@ -1,7 +1,5 @@
 """`truepose info`: reach, conditioning and motor speeds over the workspace."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -10,14 +8,11 @@ from typer import Option
 
 from truepose.arguments import Array
 from truepose.commands import options
+from truepose.robot import Robot, load, reading_units
 from truepose.robot.maps import condition_map, draw_map
-from truepose.robot.robot import Robot, load
-from truepose.robot.units import reading_units
 from truepose.robot.workspace import LENGTH, Figures, Speed, measure, told, workspace
-from truepose.show.results import figure_of
-from truepose.show.table import Cell, Table
+from truepose.show import PRINT, Cell, Table, figure_of, printed
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT, printed
 
 
 def command(

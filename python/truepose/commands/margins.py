@@ -1,7 +1,5 @@
 """`truepose margins`: stability margins of every law's loop, and the chosen gains."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +11,9 @@ from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.margins import StabilityMargins, draw, stability_margins
 from truepose.exceptions import InputError, choose
-from truepose.robot.laws import LAWS, Law
-from truepose.robot.robot import Robot
-from truepose.show.results import figure_of
-from truepose.show.table import Table, tabled
+from truepose.robot import LAWS, Law, Robot
+from truepose.show import PRINT, Table, figure_of, tabled
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT
 
 _FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
 

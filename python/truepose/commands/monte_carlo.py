@@ -1,7 +1,5 @@
 """`truepose simulate-log` and `truepose monte-carlo`: robots sampled from a file's tolerances."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from math import isnan
@@ -11,12 +9,12 @@ import numpy as np
 from typer import Argument, Option
 
 from truepose import files, logs
+from truepose.arguments import finite_rows
 from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
-from truepose.robot.robot import Robot, load
-from truepose.robot.units import in_print
-from truepose.show.table import Cell, Table, fixed, number
+from truepose.robot import Robot, in_print, load
+from truepose.show import Cell, Table, fixed, number
 from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
@@ -114,7 +112,7 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
     """Return tables of the pose errors and of each parameter's error."""
     rows = []
     for who, apart in result.pose.items():
-        shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
+        shown = apart[finite_rows(apart)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
         rows.append([who, *map(number, (position, shown[:, 0].max(), zeroed, turn))])
     header = ["robot", "position rms (mm)", "largest (mm)", "relative to home (mm)"]

@@ -16,9 +16,8 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.disturbance import Disturbance
 from truepose.faults.fault import FAULT_KINDS, Fault
+from truepose.robot import Robot, list_robots, load, summed
 from truepose.robot.assumptions import exact_readings, told_exact
-from truepose.robot.robot import Robot, list_robots, load
-from truepose.robot.units import summed
 from truepose.robotfile import path_of, to_toml
 from truepose.show import terminal
 from truepose.show.terminal import Format, say

@@ -1,7 +1,5 @@
 """`truepose plan`: calibration poses, in the order of a short tour."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +17,9 @@ from truepose.design.pose_plan import PosePlan
 from truepose.design.poses import HARDLY, SAMPLED, plan_poses
 from truepose.exceptions import InputError
 from truepose.logs.reading import read_poses
-from truepose.robot.robot import Robot
-from truepose.robot.units import summed
-from truepose.show.table import as_csv, number
+from truepose.robot import Robot, summed
+from truepose.show import as_csv, measured, number, printed
 from truepose.show.terminal import Format, show
-from truepose.show.units import measured, printed
 
 
 def command(

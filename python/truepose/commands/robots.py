@@ -1,7 +1,5 @@
 """`truepose list`, `new`, `check`: shipped robots, starter files, errors of a robot file."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter
@@ -16,15 +14,20 @@ from typer import Argument, Option
 from truepose import files, robotfile
 from truepose.commands import options
 from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
-from truepose.robot import assumptions, conditions
-from truepose.robot.robot import Robot, list_robots, load
-from truepose.robot.units import reading_units
-from truepose.robot.workspace import reach, told, workspace_grid
+from truepose.robot import (
+    Robot,
+    assumptions,
+    conditions,
+    list_robots,
+    load,
+    reading_units,
+    workspace_grid,
+)
+from truepose.robot.workspace import reach, told
 from truepose.robotfile import reading, toml_lines
 from truepose.robotfile.base import Problem
-from truepose.show.table import Cell, Table
+from truepose.show import Cell, Table, printed
 from truepose.show.terminal import Format, say, show
-from truepose.show.units import printed
 
 
 def list_command(how: options.How = Format.table) -> None:

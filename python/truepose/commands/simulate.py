@@ -1,7 +1,5 @@
 """`truepose simulate`: a move or a path of a robot that differs from its model."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +8,7 @@ import numpy as np
 from typer import Context, Option
 
 from truepose import files, logs
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
@@ -18,12 +16,9 @@ from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.monitor import FaultMonitor
 from truepose.logs.reading import read_poses, read_samples
-from truepose.robot import laws
+from truepose.robot import Law, Robot, laws, list_robots
 from truepose.robot.frames import frames
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot, list_robots
-from truepose.show.results import figure_of
-from truepose.show.table import Cell, Table, tabled
+from truepose.show import Cell, Table, figure_of, tabled
 from truepose.show.terminal import Format, progress, show
 from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
@@ -270,7 +265,7 @@ def _motors(robot: Robot, run: Simulation) -> Table:
 
 
 def _reached(x: Array, status: Array) -> str:
-    words = f"{np.isfinite(x).all(axis=1).sum()} of {len(x)} poses reached"
+    words = f"{finite_rows(x).sum()} of {len(x)} poses reached"
     for reason in dict.fromkeys(status[status != "ok"].tolist()):
         poses = np.flatnonzero(status == reason)
         words += f"; pose {poses[0]}" + f" and {len(poses) - 1} more" * (len(poses) > 1)

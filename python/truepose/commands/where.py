@@ -1,7 +1,5 @@
 """Options of predictions: where accuracy counts, conditions, what is done before, the criterion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,8 +14,7 @@ from truepose.design.criterion import Criterion, Measure
 from truepose.design.where import Use, practice, volume_poses
 from truepose.exceptions import InputError, choose
 from truepose.logs.reading import read_poses
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 #: Largest number of poses of a self-calibration.
 MOST = 10_000

@@ -1,7 +1,5 @@
 """Adaptive calibration: an online calibration that follows changes of the robot over its life."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, Errors, require, whole
+from truepose.arguments import Array, Errors, finite_rows, require, whole
 from truepose.control import evidence
 from truepose.control.changes import OFTEN, Change, changes, reading_offsets
 from truepose.control.memory import REPORTED, Explained, Memory, moved, with_noise
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge
-from truepose.robot.batches import flattened
-from truepose.robot.robot import Robot
-from truepose.show.table import Cell, Table, number
+from truepose.robot import Robot, flattened, knowledge
+from truepose.show import Cell, Table, number
 
 #: Share of a window's rows that may be outliers.
 OUTLIERS = 0.1
@@ -116,7 +112,7 @@ class AdaptiveCalibrator:
         """
         width = self.robot.m + self.robot.r
         rows, _ = flattened(self.robot, q_e, width, "q_e", errors)
-        usable = np.isfinite(rows).all(axis=1)
+        usable = finite_rows(rows)
         if health is not None:
             health = np.asarray(health)
             if health.shape != np.shape(q_e):

@@ -1,7 +1,5 @@
 """Changes that a robot undergoes in its life, as Gaussian priors of its parameters' steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,9 +8,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
+from truepose.robot import Robot, angles, knowledge
 
 #: Assumed: a year's wear of a rod's joints, m, and drift of an encoder, rad; a payload, N.
 WEAR, DRIFT, PAYLOAD = 30e-6, math.radians(0.005), 20.0

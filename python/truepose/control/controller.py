@@ -1,7 +1,5 @@
 """Controllers: a law, its gains, its feed-forward."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,9 +13,7 @@ from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError, PoseError
-from truepose.robot.batches import as_row
-from truepose.robot.laws import LAWS, Law, require_sensors, usual
-from truepose.robot.robot import Robot
+from truepose.robot import LAWS, Law, Robot, as_row, require_sensors, usual
 
 #: Motor error ê, (n,), from the controller's robot, the desired pose and the readings (n + r,).
 OwnLaw = Callable[[Robot, Array, Array], ArrayLike]

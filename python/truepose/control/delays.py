@@ -1,7 +1,5 @@
 """Multirate and delayed sensors: latency, sensitivity and compensation."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 
@@ -10,9 +8,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.workspace import samples_or_home
+from truepose.robot import Robot, knowledge, samples_or_home
 
 Lateness = tuple[_core.MultirateSettings | None, _core.MultirateSettings | None]
 

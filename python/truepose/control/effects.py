@@ -11,7 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import check_seed, finite
 from truepose.exceptions import InputError, choose
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose.robotfile.chains import Chain
 from truepose.robotfile.schema import Tolerance
 from truepose.robotfile.to_core import PAIRED

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.control.changes import Change
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, knowledge
 
 #: Largest number of changes at once, and number of sets of them that are extended by one more.
 MOST_CHANGES, BEAM = 3, 3
@@ -209,7 +208,7 @@ def equations_of(
     `roots` returns the roots of own uncertainty and changes at poses, each (N or 1, p, modes).
     """
     x = robot.estimate(rows, errors="nan").x
-    placed = np.asarray(np.isfinite(x).all(axis=1))
+    placed = finite_rows(x)
     x, rows = x[placed], rows[placed]
     H_x, H = knowledge.linearized(robot, x, names)
     # The left null space of H_x: what the readings say whatever the pose is.

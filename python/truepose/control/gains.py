@@ -1,7 +1,5 @@
 """Choice of gains that keep stability margins with delay and compliance."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import lru_cache
@@ -9,15 +7,13 @@ from functools import lru_cache
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.control.effects import Effects
 from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import summed
+from truepose.robot import Law, Robot, summed
 
 #: Margins of chosen gains at every pose, of all motors at once, each motor and each reading alone:
 #: 6 dB up and down, 30°, two cycles.
@@ -46,7 +42,7 @@ def poses(robot: Robot) -> Array:
     at_home = [(value,) for value in robot.home]
     parts = [sides] if robot.n < 6 else [sides[:3] + at_home[3:], at_home[:3] + sides[3:]]
     corners = np.array([corner for part in parts for corner in itertools.product(*part)])
-    regular = np.isfinite(robot.jacobian(corners, errors="nan")).all(axis=(1, 2))
+    regular = finite_rows(robot.jacobian(corners, errors="nan"))
     return np.vstack([robot.home, corners[regular]])
 
 

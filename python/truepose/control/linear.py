@@ -7,8 +7,6 @@ backlash, quantization and ripple. A multirate or delayed sensor follows the mot
 correction by its samples is excluded too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,10 +19,9 @@ from truepose.control import delays
 from truepose.control.effects import Effects
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
+from truepose.robot import Law, Robot, coordinates, rotation
 from truepose.robot.batches import inverse
-from truepose.robot.frames import coordinates, frames, rotation
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
+from truepose.robot.frames import frames
 from truepose.robotfile.to_core import PAIRED
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is possible

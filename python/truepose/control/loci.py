@@ -6,8 +6,6 @@ of n channels at once as a Nyquist plot gives those of one; a single channel wit
 is the scalar loop l = 1/(I + L)⁻¹_ii - 1. They are meaningless for an unstable loop.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

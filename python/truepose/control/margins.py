@@ -1,7 +1,5 @@
 """Stability margins of a controlled robot over its workspace."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,19 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, require
+from truepose.arguments import Array
 from truepose.control import gains
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses, worst
 from truepose.exceptions import InputError
-from truepose.robot.batches import as_rows
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import coordinate_axes
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.robot import Law, Robot, as_rows, coordinate_axes, require_robot
+from truepose.show import Cell, Shown, Table, number
 
 #: Name of the loop with a common multiplier of all motor torques.
 ALL = "all motors"
@@ -166,7 +160,7 @@ def stability_margins(
     >>> bool(paper.stable.any())  # its 150 rad/s are for a rigid robot
     False
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     effects = effects or Effects()
     if not isinstance(controller, Controller):
         chosen = 1e-3 if period is None else period

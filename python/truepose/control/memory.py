@@ -13,8 +13,7 @@ from truepose.calibration.learnt import calibrated, chi2_quantile
 from truepose.control import evidence
 from truepose.control.changes import Change
 from truepose.control.evidence import Chosen, Equations, Posterior, Windows
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, knowledge
 
 #: Probability that rows of a robot as it should be are taken for faulty ones.
 FALSE_ALARMS = 1e-6

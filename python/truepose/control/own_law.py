@@ -1,7 +1,5 @@
 """Motor errors and steady states under an own control law."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +9,7 @@ from truepose.arguments import Array, numbers_of
 from truepose.control.controller import Controller, OwnLaw, law_name
 from truepose.control.linear import gain_inertia
 from truepose.exceptions import InputError
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 
 def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:

@@ -1,7 +1,5 @@
 """Settings of a controller: law, gains, feed-forward, filters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,7 +8,7 @@ import numpy as np
 
 from truepose.arguments import Array, finite, fraction, positive, whole
 from truepose.exceptions import InputError, choose
-from truepose.robot.laws import LAWS, Law
+from truepose.robot import LAWS, Law
 
 MOST_SCALED = 1_000_000  #: largest `sigma_scale`
 LONGEST_PERIOD = 0.2  #: s

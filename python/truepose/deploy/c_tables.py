@@ -1,7 +1,5 @@
 """Constant tables of a robot for C: description, knowledge, control and fault-monitor settings."""
 
-from __future__ import annotations
-
 import keyword
 import re
 from collections.abc import Iterable
@@ -17,8 +15,8 @@ from truepose.control import delays
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
+from truepose.robot import Robot
 from truepose.robot.knowledge import knowledge, uncertain
-from truepose.robot.robot import Robot
 
 #: Kind of file, for :func:`truepose.files.mark`.
 KIND = "C tables"

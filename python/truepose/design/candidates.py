@@ -1,7 +1,5 @@
 """Candidate measurements of a plan: reachable poses and their linearized rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
@@ -10,15 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, check_seed
+from truepose.arguments import Array, Level, check_seed, finite_rows, sigmas_of
 from truepose.calibration.differences import Difference, PlaneContacts, assemble
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter, patterns
 from truepose.calibration.registration import Registration, registration_of, sigmas
 from truepose.exceptions import InputError
-from truepose.robot import conditions, knowledge
-from truepose.robot.batches import as_row, as_rows, flattened
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, as_row, as_rows, conditions, flattened, knowledge
 from truepose.robot.workspace import workspace
 
 #: Default number of candidate poses.
@@ -116,7 +112,7 @@ def reachable(robot: Robot, x: Array, level: Level) -> Array:
     model = robot.expected()
     q, J = model.ikm(x, "nan", "ideal", own_mode=True), model.jacobian(x, errors="nan")
     readings = model.extended_positions(x, "nan", level)
-    good: Array = np.isfinite(np.hstack([q, J.reshape(len(x), -1), readings])).all(axis=1)
+    good: Array = finite_rows(np.hstack([q, J.reshape(len(x), -1), readings]))
     for k, sensor in enumerate(robot.spec.used, start=robot.m):
         if sensor.range is not None:
             low, high = sensor.range
@@ -292,7 +288,7 @@ def _root(
         joint[:own, new] = after.beside[old, :own].T
         joint[new, :own] = joint[:own, new].T
         joint[np.ix_(new, new)] = after.beside[:, own:][np.ix_(old, old)]
-    scale = np.sqrt(np.diag(joint))
+    scale = sigmas_of(joint)
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
     values, vectors = np.linalg.eigh(inverse[:, None] * joint * inverse)
     return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

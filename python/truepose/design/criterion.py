@@ -1,7 +1,5 @@
 """Criteria of a pose error: what a share of all robots keeps, over the poses or at each of them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
@@ -10,8 +8,8 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
+from truepose.robot import angles, summed
 from truepose.robot.description import Description
-from truepose.robot.units import angles, summed
 
 Measure = Literal["rms", "worst", "AP", "RP"]
 #: Cycles at a pose, for AP and RP (ISO 9283:1998, 7.2).

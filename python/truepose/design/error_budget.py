@@ -4,23 +4,25 @@ Errors are linear in independent errors: the contributions' squares are the vari
 100:2008, 5.1).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from truepose.arguments import Array, require
+from truepose.arguments import Array, finite_rows
 from truepose.design.criterion import USUAL, Criterion
 from truepose.design.linear import LinearErrors
 from truepose.design.where import AS_BUILT, Use
-from truepose.robot import conditions, knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units, summed, unit_of
-from truepose.show.results import Shown
-from truepose.show.table import Table, tabled
-from truepose.show.units import PRINT
+from truepose.robot import (
+    Robot,
+    conditions,
+    knowledge,
+    reading_units,
+    require_robot,
+    summed,
+    unit_of,
+)
+from truepose.show import PRINT, Shown, Table, tabled
 
 #: The source of parameters that a calibration identified: their errors are correlated.
 CALIBRATION = "calibration"
@@ -110,7 +112,7 @@ def error_budget(robot: Robot, use: Use = AS_BUILT, criterion: Criterion = USUAL
     >>> round(sum(one.share for one in budget.contributions), 12)
     1.0
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     knowledge.require_uncertain(robot)
     over, by = use.over(robot), criterion
     model = LinearErrors(robot, robot.sensors, over, use.known(robot))
@@ -138,7 +140,7 @@ def errors_at(
     model = LinearErrors(robot, robot.sensors, poses, use.known(robot), errors="nan")
     K, L, by_u, *_ = model.estimate()
     V, U = L @ L.swapaxes(1, 2) + K @ K.swapaxes(1, 2), by_u[..., model.uniform]
-    good, error = np.isfinite(V).all(axis=(1, 2)), np.full(len(V), np.nan)
+    good, error = finite_rows(V), np.full(len(V), np.nan)
     error[good] = np.sqrt(Criterion("worst", confidence).kept(V[good], U[good]))
     return error
 

@@ -8,8 +8,6 @@ does not reach; Qᵀy of a self-calibration's poses v leaves u an information J 
 K by weighted least squares. Conditions at work are in u; no calibration depends on them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,8 +18,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level
 from truepose.design.criterion import Criterion, parts_of
 from truepose.design.where import Known
-from truepose.robot import conditions, knowledge
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, conditions, knowledge
 
 
 def gains(H: Array, L: Array) -> Array:

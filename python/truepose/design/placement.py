@@ -1,7 +1,5 @@
 """Placement of sensors on the base and the platform within boxes."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,16 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from truepose.arguments import Array, check_seed, require
+from truepose.arguments import Array, check_seed
 from truepose.calibration.bound import accuracy
 from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError, choose
-from truepose.robot import frames, knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import summed
+from truepose.robot import Robot, frames, knowledge, require_robot, summed
 from truepose.robotfile.to_core import drawn
-from truepose.show.results import Shown
-from truepose.show.table import Table, number
+from truepose.show import Shown, Table, number
 
 #: Number of random places, and of searches, which start from the best of them.
 DRAWN, STARTS = 64, 6
@@ -107,7 +102,7 @@ def place_sensors(
     """
     from scipy.optimize import minimize
 
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     knowledge.require_uncertain(robot)
     names = _searched(robot, sensors)
     boxes = _boxes(robot, names, within or {})

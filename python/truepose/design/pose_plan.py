@@ -1,7 +1,5 @@
 """The result of a plan of calibration poses."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,11 +9,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.design.candidates import Step
 from truepose.design.tour import tour
-from truepose.robot.robot import Robot
-from truepose.robot.units import by_unit, coordinate_axes, label, summed
-from truepose.show.charts import lines
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.robot import Robot, by_unit, coordinate_axes, label, summed
+from truepose.show import Cell, Shown, Table, lines, number
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, positive, require, whole
+from truepose.arguments import Array, Level, finite_rows, positive, whole
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
@@ -22,12 +22,9 @@ from truepose.design.pose_plan import PosePlan
 from truepose.design.refining import refined
 from truepose.design.where import AS_BUILT, Use
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.batches import flattened
-from truepose.robot.robot import Robot
-from truepose.robot.units import summed
-from truepose.robot.workspace import workspace, workspace_grid
-from truepose.show.units import printed
+from truepose.robot import Robot, flattened, knowledge, require_robot, summed, workspace_grid
+from truepose.robot.workspace import workspace
+from truepose.show import printed
 
 #: Default largest number of poses in a search for a target.
 MOST = 200
@@ -104,7 +101,7 @@ def plan_poses(
     >>> print(plan.poses.shape, plan.gain < 0.95)
     (20, 4) True
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     if n is not None:
         whole("n", n, 1)
     if target is not None:
@@ -259,7 +256,7 @@ class Sought:
         names = knowledge.learnable(robot)
         H, B = rows_at(robot, x, names, "work", self.level, "nan")
         self._own = B.shape[-1]
-        good = np.isfinite(H).all(axis=(1, 2)) & np.isfinite(B).all(axis=(1, 2))
+        good = finite_rows(H) & finite_rows(B)
         if not good.all() and self.asked is not None:
             raise InputError(f"poses {np.flatnonzero(~good)[0]}: cannot be reached, or is singular")
         if not good.any():

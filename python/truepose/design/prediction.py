@@ -1,7 +1,5 @@
 """Predicted errors of sensor sets: as built under each control law, and self-calibrated."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,12 +11,8 @@ from truepose import _core
 from truepose.arguments import Array, Level, numbers_of
 from truepose.calibration.bound import accuracy, state_of
 from truepose.exceptions import InputError
-from truepose.robot import conditions, knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import label, summed
-from truepose.robot.workspace import workspace_grid
-from truepose.show.table import Cell, Table, number
-from truepose.show.units import PRINT
+from truepose.robot import Robot, conditions, knowledge, label, summed, workspace_grid
+from truepose.show import PRINT, Cell, Table, number
 
 #: Compared laws of a robot as built, and numbers of self-calibration poses.
 LAWS, POSES = ("joint", "tej", "estimated"), (10, 40, 160)

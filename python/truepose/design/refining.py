@@ -5,8 +5,6 @@ With the weights M of the gains, the criterion tr(M Σ) of n poses has the deriv
 differences. A pose that cannot be reached adds no information, so that no step ends there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

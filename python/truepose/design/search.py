@@ -1,7 +1,5 @@
 """Sensor selection for a budget: greedy search, and branch and bound with proof."""
 
-from __future__ import annotations
-
 import functools
 import heapq
 import itertools

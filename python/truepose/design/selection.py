@@ -1,18 +1,13 @@
 """The result of a sensor selection: the Pareto front of accuracy and price."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
 from truepose.arguments import Array
 from truepose.design.criterion import Criterion
 from truepose.design.where import Use
-from truepose.robot.robot import Robot
-from truepose.robot.units import label, summed
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number, tabled
-from truepose.show.units import PRINT, printed
+from truepose.robot import Robot, label, summed
+from truepose.show import PRINT, Cell, Shown, Table, number, printed, tabled
 
 #: One-time steps that can have a price, in the order of a robot's states.
 STEPS = ("self_calibration", "reference_pose")

@@ -1,7 +1,5 @@
 """Sensor selection: accuracy against price, and the best set for a budget."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,16 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from truepose.arguments import Array, finite, positive, require
+from truepose.arguments import Array, finite, positive
 from truepose.design.criterion import USUAL, Criterion
 from truepose.design.linear import LinearErrors
 from truepose.design.search import Search, Set
 from truepose.design.selection import STEPS, SensorSelection, SensorSet, printed_errors
 from truepose.design.where import AS_BUILT, Known, Use, practice
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles, label, summed
+from truepose.robot import Robot, angles, knowledge, label, require_robot, summed
 
 #: Poses of a self-calibration in states that were not asked for.
 OTHERWISE = 10
@@ -84,7 +80,7 @@ def select_sensors(
     >>> found.best.sensors, found.proven
     (('theta', 'wire1', 'wire2'), True)
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     knowledge.require_uncertain(robot)
     named, once = _priced(robot, prices)
     names = list(named)

@@ -1,11 +1,9 @@
 """A short tour through poses, from home and back, by motor distance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 
 def tour(robot: Robot, poses: Array) -> list[int]:

@@ -1,7 +1,5 @@
 """Verification of a selected sensor set on robots sampled from the tolerances."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Use of a robot: where its accuracy counts, and what is done with it once before."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,8 +12,8 @@ from truepose.arguments import Array
 from truepose.calibration.bound import reference_sigmas, state_of
 from truepose.design.candidates import drawn, given_poses, reachable
 from truepose.exceptions import InputError, choose
-from truepose.robot.robot import Robot
-from truepose.robot.workspace import workspace, workspace_samples
+from truepose.robot import Robot, workspace_samples
+from truepose.robot.workspace import workspace
 
 #: Default number of poses over which sets are compared.
 POSES = 32

@@ -1,7 +1,5 @@
 """Disturbances of a simulated robot: payloads, friction of a motor, contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -11,8 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import finite, numbers_of, positive, require_all
 from truepose.exceptions import InputError, choose
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 DisturbanceKind = Literal["payload", "friction", "contact"]
 #: Kinds by the core's number: :attr:`Simulation.disturbance`.

@@ -1,7 +1,5 @@
 """Injected faults of encoders and sensors, for every plant."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -9,8 +7,7 @@ from typing import Literal
 from truepose import _core
 from truepose.arguments import finite, positive, require_all
 from truepose.exceptions import InputError, choose
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 FaultKind = Literal[
     "bias",

@@ -1,7 +1,5 @@
 """Isolation of a faulty reading by evidence over many poses."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass, replace
@@ -11,17 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, Level, require
+from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.robot.batches import flattened
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
-from truepose.show.charts import ranges
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
-from truepose.show.units import PRINT
+from truepose.robot import Robot, flattened, reading_units, require_robot
+from truepose.show import PRINT, Cell, Shown, Table, number, ranges
 
 #: Errors of a reading: constant, or proportional to itself.
 KINDS = ("bias", "gain")
@@ -154,7 +147,7 @@ def isolate(
     >>> found.readings, round(float(np.degrees(found.may_be[0].size)), 1)
     (('q3',), 0.5)
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     if not robot.r:
@@ -209,8 +202,8 @@ def _evidence(
     """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
     poses = model.fkm(rows[:, : model.m], errors="nan")
     # Singular poses have no parity.
-    regular = np.isfinite(model.linearize(poses, "nan", level)[0]).all(axis=(1, 2))
-    used = np.asarray(regular & np.isfinite(rows).all(axis=1))
+    regular = finite_rows(model.linearize(poses, "nan", level)[0])
+    used = np.asarray(regular & finite_rows(rows))
     if not used.any():
         return used, np.zeros(0), np.zeros((0, 0))
     found = parity(model, poses[used], level, model_error)

@@ -1,7 +1,5 @@
 """Detectability: the smallest fault of each reading that is detected and isolated."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,20 +9,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level, require, whole
+from truepose.arguments import Array, Level, whole
 from truepose.calibration import bound
 from truepose.calibration.learnt import calibrated
 from truepose.calibration.parity import Parity, detectable, parity, unexplained
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.batches import flattened, require_answers
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles, reading_axes
-from truepose.show.charts import ranges
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.robot import (
+    Law,
+    Robot,
+    angles,
+    flattened,
+    knowledge,
+    reading_axes,
+    require_answers,
+    require_robot,
+)
+from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Hours per false alarm of a healthy robot; its probability in a test per cycle, at 1 kHz.
 HOURS = 1000.0
@@ -231,7 +232,7 @@ def detectability(
     >>> np.isinf(found.isolated).all(), np.degrees(found.moving_isolated).round(2)
     (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
     """
-    require(robot, Robot, "robot", "truepose.load(name)")
+    require_robot(robot)
     alpha = FALSE_ALARM if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     require_inside("power", power, alpha, 1)

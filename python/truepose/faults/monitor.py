@@ -15,13 +15,8 @@ from truepose.control import delays
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.batches import as_rows, members
-from truepose.robot.robot import Robot
-from truepose.robot.workspace import samples_or_home
-from truepose.show.charts import lines
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table
+from truepose.robot import Robot, as_rows, knowledge, members, samples_or_home
+from truepose.show import Cell, Shown, Table, lines
 
 #: Health of a reading, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")

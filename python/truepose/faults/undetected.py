@@ -1,7 +1,5 @@
 """What stays undetected: motor encoders that are off by less than any test of the readings sees."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,9 +7,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.control.effects import assumed_friction
 from truepose.faults.limits import Detectability
-from truepose.robot.units import angles, reading_units
-from truepose.show.table import Cell, Table, number
-from truepose.show.units import measured
+from truepose.robot import angles, reading_units
+from truepose.show import Cell, Table, measured, number
 
 #: Largest fault that is considered, by the reading's unit: m or rad (assumed).
 MOST = {"rad": np.radians(3), "m": 0.01}

@@ -1,7 +1,5 @@
 """A base IMU's columns in a log: base_lean_x, base_lean_y."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 
@@ -9,8 +7,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
-from truepose.robot import lean
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, lean
 
 PREFIX = "base_lean_"
 #: Largest lean, rad: 45°; more is a value in degrees.

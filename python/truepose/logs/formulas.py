@@ -1,7 +1,5 @@
 """Columns of a log by formulas with units: ``q1 = A_steps * 0.005 mm, roll = imu * deg``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -12,8 +10,7 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError, choose, one_line
 from truepose.logs import base_lean, orientation
 from truepose.plugins import package
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 #: Units that a formula may be in, by the SI unit of its column; for messages.
 _EXAMPLES = {"m": "mm, m or inch", "rad": "deg, rad or turn", "N": "N or kN", "": "no unit"}

@@ -1,13 +1,11 @@
 """Measured orientations of a spatial platform: Euler angles or quaternions as rotation vectors."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.exceptions import InputError, choose
 from truepose.robot.description import Description
 
@@ -77,7 +75,7 @@ def vectors(values: Array, names: tuple[str, ...], order: str, lines: Array, at:
 
     Refuses incomplete rows and quaternions that are not unit; `at` is for messages.
     """
-    read = np.isfinite(values).all(axis=1)
+    read = finite_rows(values)
     shown = ", ".join(names)
     if (rows := np.flatnonzero(np.isfinite(values).any(axis=1) & ~read)).size:
         raise InputError(f"{at} {lines[rows[0]]}: {shown}: all of them or none")

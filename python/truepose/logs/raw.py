@@ -5,8 +5,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from truepose.exceptions import InputError
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 from truepose.robotfile.to_core import encoder_steps
 
 UNITS = ("counts", "steps", "turns")

@@ -17,9 +17,7 @@ from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, PoseError, choose, controls, one_line
 from truepose.logs import base_lean, formulas, limits, orientation, raw
 from truepose.plugins import plugins
-from truepose.robot import lean
-from truepose.robot.compliance import Payloads
-from truepose.robot.robot import Robot
+from truepose.robot import Payloads, Robot, lean
 
 #: Texts of an empty cell, in lower case.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none", "<na>")

@@ -1,7 +1,5 @@
 """Writers of logs with the columns that calibrations read: CSV, Parquet, plugins' formats."""
 
-from __future__ import annotations
-
 import csv
 import io
 import os
@@ -17,8 +15,7 @@ from truepose.files import Output, mark, replace_file
 from truepose.files import check as checked
 from truepose.logs.limits import pyarrow_for
 from truepose.plugins import plugins
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 
 class Column(NamedTuple):

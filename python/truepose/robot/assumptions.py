@@ -1,7 +1,5 @@
 """Assumptions of a robot file: exact readings, exactly known parameters, σ beside each length."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -16,8 +14,7 @@ from truepose.robotfile.chains import Chain
 from truepose.robotfile.mechanism import Closure
 from truepose.robotfile.schema import RobotFile, Tolerance
 from truepose.robotfile.to_core import drawn, encoder_steps
-from truepose.show.table import Cell, Table, number
-from truepose.show.units import measured
+from truepose.show import Cell, Table, measured, number
 
 #: Largest plausible share of σ in its length, of an angle in a radian, of a gain in 1.
 SHARE = 0.1

@@ -6,8 +6,6 @@ The ambient temperature of a reference pose is that of the work after it, so tha
 its part; payload and temperature gradients appear after it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, TypeVar
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.exceptions import InputError
 from truepose.robot import compliance
 from truepose.robot.compliance import under_load
@@ -25,7 +23,7 @@ from truepose.robot.kinematics import Kinematics
 from truepose.robot.units import rounded
 from truepose.robotfile import to_core
 from truepose.robotfile.schema import Conditions
-from truepose.show.table import number
+from truepose.show import number
 
 AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 
@@ -126,7 +124,7 @@ def columns(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Arr
     growth, H_xi = _growth(robot), robot.linearize(x, "nan", "full" if full else "ideal")[1]
     loaded: dict[str, Array] = {}
     if when == "work" and (section := robot.spec.conditions) and section.payload[1] > 0:
-        regular = x[np.isfinite(H_xi).all(axis=(1, 2))]
+        regular = x[finite_rows(H_xi)]
         require_torques(robot, section, x)
         require_small(robot, regular, full)
         loaded = _by_payload(robot, x, full, section)
@@ -219,7 +217,7 @@ def require_small(robot: Kinematics, x: Array, full: bool) -> None:
     strain = np.abs(at.tension * robot.compliance)
     turn = np.abs(at.by_compliance[:, range(n), range(n, 2 * n)] * robot.arm_compliance)
     share = np.hstack([strain / STRAIN, turn / TURN])
-    reached = np.isfinite(np.hstack([share, under_load(robot, x, full, core).readings])).all(axis=1)
+    reached = finite_rows(np.hstack([share, under_load(robot, x, full, core).readings]))
     largest = np.nan_to_num(share, nan=0.0)
     k, part = np.unravel_index(largest.argmax(), share.shape)
     if largest.max() <= 1:

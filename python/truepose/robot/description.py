@@ -1,7 +1,5 @@
 """A robot's description: its file, parameter values, and what follows without a pose."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path

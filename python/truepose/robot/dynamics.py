@@ -1,7 +1,5 @@
 """Statics and dynamics in batches: torques, rod forces, masses, accelerations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

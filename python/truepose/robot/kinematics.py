@@ -1,7 +1,5 @@
 """Kinematics in batches: IKM, FKM, RKM, their Jacobians, readings."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Covariances of a robot's parameters and readings: Σ_ξ and Σ_s."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeVar
 

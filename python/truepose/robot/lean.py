@@ -4,14 +4,12 @@ The base's attitude is R_B = R_b(β) R_a(α), with a and b the two base axes oth
 nearest to gravity. For a vertical z, α and β are roll and pitch as attitude sensors state them.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.robot import frames
 from truepose.robot.robot import Robot
 
@@ -112,7 +110,7 @@ def effect(robot: Robot, x: Array, lean: Array, implied: Array) -> Effect:
     """
     n, width = x.shape[1], robot.m + robot.r
     pose, inclined, reading = (np.zeros((len(x), rows, 2)) for rows in (n, width, width))
-    good = np.isfinite(x).all(axis=1)
+    good = finite_rows(x)
     moved = good & implied.any(axis=1)
     for k in range(2):
         by = STEP * np.eye(2)[k]

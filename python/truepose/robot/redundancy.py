@@ -1,7 +1,5 @@
 """Results with poses of given readings: estimates, assembly modes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -9,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truepose.arguments import Array
+from truepose.arguments import Array, sigmas_of
 from truepose.robot.description import Description
 from truepose.robot.units import coordinate_axes
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show import Cell, Shown, Table, number
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,28 +71,30 @@ class Estimate(Shown):
     status: Array  #: (...) "ok", or the reason of failure
 
     def __repr__(self) -> str:
-        variance = np.diagonal(self.covariance, axis1=-2, axis2=-1)
+        sigma = sigmas_of(self.covariance)
         if self.x.ndim == 1:
-            sigma = np.sqrt(variance)
             where = ", ".join(f"{x:.6g} ± {s:.2g}" for x, s in zip(self.x, sigma, strict=True))
             return f"x = {where}; chi2 = {round(float(self.chi2), 3):g}; {self.status}"
         good = np.asarray(self.status == "ok")
         said = f"{good.size} estimates, {good.sum()} ok"
         if good.any():
-            sigma = np.sqrt(variance[good].mean(axis=0))
-            said += f"; σ, rms: {', '.join(f'{s:.2g}' for s in sigma)}"
+            rms = np.sqrt((sigma[good] ** 2).mean(axis=0))
+            said += f"; σ, rms: {', '.join(f'{s:.2g}' for s in rms)}"
         return said
+
+    def _rows(self) -> tuple[Array, Array]:
+        """Return all poses and their σ, (N, n)."""
+        n = self.robot.n
+        return self.x.reshape(-1, n), sigmas_of(self.covariance).reshape(-1, n)
 
     def table(self) -> Table:
         """Return one row a pose: coordinates and their σ."""
-        axes, n = coordinate_axes(self.robot), self.robot.n
-        sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1)).reshape(-1, n)
+        axes = coordinate_axes(self.robot)
         factor = [axis.factor for axis in axes]
+        every = zip(*self._rows(), np.ravel(self.status), strict=True)
         rows = [
             [Cell(str(k), k), *map(number, (*(x * factor), *(s * factor))), str(status)]
-            for k, (x, s, status) in enumerate(
-                zip(self.x.reshape(-1, n), sigma, np.ravel(self.status), strict=True), 1
-            )
+            for k, (x, s, status) in enumerate(every, 1)
         ]
         header = [axis.label for axis in axes]
         header = ["pose", *header, *(f"σ of {name}" for name in header), "status"]
@@ -103,12 +102,9 @@ class Estimate(Shown):
 
     def _draw(self, figure: Any) -> None:
         """Draw each coordinate ± one σ over the pose's number."""
-        n = self.robot.n
-        sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1)).reshape(-1, n)
-        every = figure.subplots(n, sharex=True, squeeze=False)[:, 0]
-        named = zip(
-            every, coordinate_axes(self.robot), self.x.reshape(-1, n).T, sigma.T, strict=True
-        )
+        every = figure.subplots(self.robot.n, sharex=True, squeeze=False)[:, 0]
+        of_each = (rows.T for rows in self._rows())
+        named = zip(every, coordinate_axes(self.robot), *of_each, strict=True)
         for axes, of, x, spread in named:
             poses = np.arange(1, len(x) + 1)
             axes.errorbar(poses, of.factor * x, of.factor * spread, fmt=".", ecolor="#b2182b")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, files, robotfile
-from truepose.arguments import Array, Errors, Level, check_seed, fraction, whole
+from truepose.arguments import Array, Errors, Level, check_seed, fraction, require, whole
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import compliance, conditions, knowledge
 from truepose.robot.batches import as_row, at_poses, flattened, require_answers
@@ -19,10 +19,9 @@ from truepose.robot.dynamics import Dynamics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
 from truepose.robotfile.to_core import units_in
+from truepose.show import PRINT, Cell, Shown, Table, figure_of
 from truepose.show.page import as_uri
-from truepose.show.results import Shown, figure_of
-from truepose.show.table import Cell, Table
-from truepose.show.units import PRINT, SI
+from truepose.show.units import SI
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -303,6 +302,11 @@ class Robot(Dynamics, Shown):
         return at_poses(
             believed, x, errors, lambda core, rows: _core.leakage(core, of, known, rows)
         )[0]
+
+
+def require_robot(robot: object) -> None:
+    """Raise InputError unless an argument is a robot."""
+    require(robot, Robot, "robot", "truepose.load(name)")
 
 
 def list_robots() -> list[str]:

@@ -11,8 +11,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description
 from truepose.robotfile.to_core import motor_unit, units_in
-from truepose.show.table import Cell, Table, number
-from truepose.show.units import PRINT, printed
+from truepose.show import PRINT, Cell, Table, number, printed
 
 
 def reading_units(robot: Description) -> list[str]:

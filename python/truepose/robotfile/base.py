@@ -153,3 +153,8 @@ class Section(BaseModel):
     """A table of a robot file: no unknown keys, immutable."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    def stated(self, *keys: str) -> list[str]:
+        """Return those of the keys that the table states other than by default, and need not."""
+        own = {key: of for key, of in type(self).model_fields.items() if not of.is_required()}
+        return [key for key in keys if key in own and getattr(self, key) != own[key].default]

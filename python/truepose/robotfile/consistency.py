@@ -3,7 +3,6 @@
 import fnmatch
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from truepose import _core
 from truepose.exceptions import choose
@@ -49,13 +48,9 @@ def misnamed(spec: RobotFile, fits: bool) -> Iterator[Problem]:
 
 def _sizes(spec: RobotFile) -> Iterator[Problem]:
     """Yield another number of parts or coordinates than fits."""
-    for key in ("body", "closure", "motor"):
-        if getattr(spec, key):
-            text = "a file has either mobility and [[chain]], or [[body]] and [[closure]]"
-            yield Problem((key,), f"{key}: {text}")
-    for key, given in (("coordinates", spec.coordinates), ("start", spec.start)):
-        if given:
-            yield Problem((key,), f"{key}: is for mechanisms of [[body]] and [[closure]]")
+    for key in spec.stated("body", "closure", "motor", "coordinates", "start"):
+        text = "a file has either mobility and [[chain]], or [[body]] and [[closure]]"
+        yield Problem((key,), f"{key}: is for mechanisms: {text}")
     n, rotational = spec.n, spec.mobility == "rotational"
     if rotational and not 1 <= n <= _core.max_axes:
         text = f"a rotational platform has 1 to {_core.max_axes}, a table [[passive_axis]] each"
@@ -112,19 +107,15 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
         "axis": (len(spec.passive_axis), "but the file has {} axes"),
         "bar": (len(spec.bar), "but the file has {} bars"),
     }
-    parts: list[tuple[tuple[str | int, ...], str, Any]]
-    parts = [(("chain", k), f"chain {k + 1}", one) for k, one in enumerate(spec.chain)]
-    parts += [(("sensor", k), f"sensor {one.name}", one) for k, one in enumerate(spec.sensor)]
-    for path, what, part in parts:
+    for path, part in spec.parts("chain", "sensor"):
         kind = getattr(part, "kind", "")
+        what = f"sensor {part.name}" if kind else f"chain {path[1] + 1}"
         if kind in _OF_MECHANISMS:
             text = f"{what}: {kind} is for mechanisms of [[body]] and [[closure]]"
             yield Problem((*path, "kind"), text)
             continue
-        rods = ("closure", "axis", "zero") if hasattr(part, "closure") else ()
-        for key in ("body", "motor", *rods) if kind else ():
-            if getattr(part, key, None) not in (None, "platform"):
-                yield Problem((*path, key), f"{what}: {key} is for mechanisms of [[body]]")
+        for key in part.stated("body", "motor", "closure", "axis", "zero") if kind else ():
+            yield Problem((*path, key), f"{what}: {key} is for mechanisms of [[body]]")
         if kind and _core.sensor_kinds[kind].of_chain and part.chain is None:
             yield Problem((*path, "chain"), f"{what}: chain: is missing")
         if (needed := _NEEDS.get(kind)) and spec.mobility not in needed:
@@ -140,11 +131,12 @@ def _references(spec: RobotFile) -> Iterator[Problem]:
 def _names(spec: RobotFile) -> Iterator[Problem]:
     """Yield names that are used twice or reserved, and unknown sensors in use."""
     for key, what, several in (("passive_axis", "axis", "axes"), ("sensor", "sensor", "sensors")):
-        names = [part.name for part in getattr(spec, key)]
-        for number, name in enumerate(names):
-            path = (key, number, "name")
-            if name in names[:number]:
+        names: list[str] = []
+        for at, part in spec.parts(key):
+            path, name = (*at, "name"), part.name
+            if name in names:
                 yield Problem(path, f"two {several} have the same name: {name}")
+            names.append(name)
             if taken(name) or (what == "axis" and name == "step"):
                 text = f"{what} {name}: logs and parameters use this name for something else"
                 yield Problem(path, text)

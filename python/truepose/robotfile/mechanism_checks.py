@@ -14,17 +14,15 @@ from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import rod_axis
 
 Path = tuple[str | int, ...]
-#: Sections that are for chains, and what sensors of chains have and no mechanism's.
-_OF_CHAINS = ("chain", "bar", "passive_axis", "platform", "compliance", "conditions")
-_SENSOR_OF_CHAINS = {"chain": None, "bar": None, "rod": "+"}
+#: Sections that are for chains, and kinds of sensors.
+_OF_CHAINS = ("bar", "passive_axis", "platform", "compliance", "conditions")
 _NO_KINDS = ("platform_angle", "axis_angle")
 
 
 def misfits(spec: RobotFile) -> Iterator[Problem]:
     """Yield what is wrong with a mechanism, as far as its home does not matter."""
-    for key in _OF_CHAINS:
-        if (given := getattr(spec, key)) and given != type(spec).model_fields[key].default:
-            yield Problem((key,), f"{key}: not in a file of bodies and closures")
+    for key in ["chain"] * bool(spec.chain) + spec.stated(*_OF_CHAINS):
+        yield Problem((key,), f"{key}: not in a file of bodies and closures")
     for check in (_tree, _motors, _unknown, _parts):
         wrong = [*check(spec)]
         yield from wrong
@@ -35,22 +33,19 @@ def misfits(spec: RobotFile) -> Iterator[Problem]:
 def _tree(spec: RobotFile) -> Iterator[Problem]:
     """Yield names that are used twice, bodies that are missing or carried in a circle."""
     seen = {"base": "the base"}
-    for top in ("body", "closure", "motor", "sensor"):
-        for k, part in enumerate(getattr(spec, top)):
-            if part.name in seen:
-                text = f"{top} {part.name}: {seen[part.name]} has this name"
-                yield Problem((top, k, "name"), text)
-            seen[part.name] = f"a {top}"
+    for at, part in spec.parts("body", "closure", "motor", "sensor"):
+        if part.name in seen:
+            text = f"{at[0]} {part.name}: {seen[part.name]} has this name"
+            yield Problem((*at, "name"), text)
+        seen[part.name] = f"a {at[0]}"
     on = {of.name: of.on for of in spec.body}
     if "platform" not in on:
         yield Problem(("body",), "body: one must be named platform; its frame is that of x")
-    ends: list[tuple[str, str]] = [("body", "on"), ("closure", "anchor_body")]
-    for top, key in (*ends, ("closure", "base_body"), ("sensor", "body")):
-        for k, part in enumerate(getattr(spec, top)):
-            name = getattr(part, key, "base")
-            if name not in ("base", *on):
+    for at, part in spec.parts("body", "closure", "sensor"):
+        for key in ("on", "anchor_body", "base_body", "body"):
+            if (name := getattr(part, key, "base")) not in ("base", *on):
                 text = f"{part.name}.{key}: {choose('body', name, ['base', *on])}"
-                yield Problem((top, k, key), text)
+                yield Problem((*at, key), text)
     for k, name in enumerate(on):
         circle = [name]
         while (up := on.get(circle[-1])) in on and up not in circle:
@@ -63,10 +58,8 @@ def _tree(spec: RobotFile) -> Iterator[Problem]:
 
 def _motors(spec: RobotFile) -> Iterator[Problem]:
     """Yield motors and freedoms whose names or keys do not fit what they move."""
-    by = [
-        (top, k, of.motor) for top in ("body", "closure") for k, of in enumerate(getattr(spec, top))
-    ]
-    moved = {name: (top, k, "motor") for top, k, name in reversed(by) if name}
+    by = [((*at, "motor"), of.motor) for at, of in spec.parts("body", "closure") if of.motor]
+    moved = {name: path for path, name in reversed(by)}
     legs = Counter(of.motor for of in spec.closure)
     for k, (motor, actuator) in enumerate(zip(spec.motor, spec.actuators, strict=True)):
         name = motor.name
@@ -76,7 +69,7 @@ def _motors(spec: RobotFile) -> Iterator[Problem]:
         elif name != f"q{k + 1}":
             text = f"motor = '{name}': motors must be named q1 to q{len(moved)}"
             yield Problem(moved[name], text)
-        elif legs[name] and sum(of == name for _, _, of in by) > 1:
+        elif legs[name] and sum(of == name for _, of in by) > 1:
             yield Problem(moved[name], f"motor = '{name}': moves a leg and something else")
         try:
             check_drive(motor, actuator)
@@ -107,7 +100,7 @@ def _unknown(spec: RobotFile) -> Iterator[Problem]:
     turning = [of for of, how in zip(motors, spec.actuators, strict=True) if how == "revolute"]
     hinges, slides = ([of for of in every if every[of] == unit] for unit in ("rad", "m"))
     of_kind = {"joint_angle": ("hinge", hinges), "slide_position": ("slide", slides)}
-    for k, sensor in enumerate(spec.sensor):
+    for at, sensor in spec.parts("sensor"):
         for key, (what, known) in {
             "freedom": of_kind.get(sensor.kind, ("", [])),
             "motor": ("motor that turns", turning),
@@ -115,7 +108,7 @@ def _unknown(spec: RobotFile) -> Iterator[Problem]:
         }.items():
             if hasattr(sensor, key):
                 where = f"sensor {sensor.name}: {key}"
-                rows.append((("sensor", k, key), where, what, getattr(sensor, key), known))
+                rows.append(((*at, key), where, what, getattr(sensor, key), known))
     for path, where, what, name, known in rows:
         if name not in known:
             yield Problem(path, f"{where}: {choose(what, name, known)}")
@@ -141,25 +134,24 @@ def _parts(spec: RobotFile) -> Iterator[Problem]:
     ):
         if count > most:
             yield Problem((key,), f"{key}: {count} {what}, at most {most}")
-    for k, of in enumerate(spec.closure):
+    for at, of in spec.parts("closure"):
         if of.anchor_body == of.base_body:
             text = f"closure {of.name}: both ends are on {of.base_body}: nothing moves one"
-            yield Problem(("closure", k), text)
+            yield Problem(at, text)
         if of.working_mode and not (of.length and len(movers(spec, of)) == 1):
             text = f"{of.name}.working_mode: is for a rod whose base one motor moves"
-            yield Problem(("closure", k, "working_mode"), text)
-    for k, sensor in enumerate(spec.sensor):
+            yield Problem((*at, "working_mode"), text)
+    for at, sensor in spec.parts("sensor"):
         for key, text in _sensor(spec, sensor):
-            yield Problem(("sensor", k, key), f"sensor {sensor.name}: {key}: {text}")
+            yield Problem((*at, key), f"sensor {sensor.name}: {key}: {text}")
 
 
 def _sensor(spec: RobotFile, sensor: Any) -> Iterator[tuple[str, str]]:
     """Yield keys that a mechanism's sensor cannot have, or lacks."""
     if sensor.kind in _NO_KINDS:
         yield "kind", f"{sensor.kind} is for chains: here joint_angle"
-    for key, usual in _SENSOR_OF_CHAINS.items():
-        if getattr(sensor, key, usual) != usual:
-            yield key, "is for chains"
+    for key in sensor.stated("chain", "bar", "rod"):
+        yield key, "is for chains"
     if hasattr(sensor, "zero"):
         axis, zero = rod_axis(spec, sensor), sensor.zero
         if axis is None:

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import NamedTuple
 
-from truepose.robotfile.base import Section
-from truepose.robotfile.chains import Chain
-from truepose.robotfile.mechanism import Body, Closure, Motor
+from truepose.robotfile.schema import SECTIONS
 from truepose.robotfile.sensors import SENSORS
 
 #: Keys of each repeated table that turn with its copy.
@@ -18,7 +16,6 @@ TURNED = {
     "motor": (),
     "sensor": ("origin", "direction", "target", "normal", "axis", "up", "zero"),
 }
-_MODELS: dict[str, type[Section]] = {"chain": Chain, "body": Body, "closure": Closure}
 #: Keys whose single value is a list.
 LISTS = ("limits", "eccentricity", "range")
 MARK = "#"  #: in a name: the number of the copy
@@ -108,9 +105,7 @@ def _copy(top: str, table: object, k: int) -> object:
 def _turned(top: str, table: object, turns: Fraction, about: str) -> object:
     if not isinstance(table, dict) or not turns:
         return table
-    model = (
-        SENSORS.get(str(table.get("kind")), Motor) if top == "sensor" else _MODELS.get(top, Motor)
-    )
+    model = SENSORS.get(str(table.get("kind")), SECTIONS[top])
     result = dict(table)
     for key in TURNED[top]:
         field = model.model_fields.get(key)

@@ -11,35 +11,17 @@ from typing import Any, NamedTuple
 from truepose import _core
 from truepose.exceptions import RobotFileError
 from truepose.robotfile.base import Section, tables
-from truepose.robotfile.chains import ACTUATORS, Chain
-from truepose.robotfile.mechanism import Body, Closure, Motor, freedoms
-from truepose.robotfile.schema import (
-    Bar,
-    Conditions,
-    PassiveAxis,
-    Platform,
-    RobotFile,
-    Workspace,
-)
+from truepose.robotfile.chains import ACTUATORS
+from truepose.robotfile.mechanism import freedoms
+from truepose.robotfile.schema import SECTIONS, RobotFile
 from truepose.robotfile.sensors import SENSORS
 from truepose.robotfile.to_core import motor_unit, units_in
 from truepose.show.units import WRITTEN
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\W\d_]+|°)\s*")
-_TABLES: dict[str, type[Section]] = {
-    "platform": Platform,
-    "workspace": Workspace,
-    "fkm_region": Workspace,
-    "conditions": Conditions,
-}
-_PARTS: dict[str, type[Section]] = {
-    "chain": Chain,
-    "bar": Bar,
-    "passive_axis": PassiveAxis,
-    "body": Body,
-    "closure": Closure,
-    "motor": Motor,
-}
+#: Tables, and lists of tables, whose numbers may have units.
+_TABLES = ("platform", "workspace", "fkm_region", "conditions")
+_PARTS = ("chain", "bar", "passive_axis", "body", "closure", "motor")
 _MOST = 100  # parts of one kind whose parameters have a unit; a robot has fewer
 
 Path = tuple[str | int, ...]
@@ -139,7 +121,7 @@ class Units:
         if top == "start" and rest:
             return {self._freedoms.get(str(rest[0]), "")}
         if top in _TABLES and rest:
-            return {_of_field(_TABLES[str(top)], self._coordinate(rest), rest[0])}
+            return {_of_field(SECTIONS[str(top)], self._coordinate(rest), rest[0])}
         if len(rest) < 2 or not isinstance(rest[0], int):
             return set()
         part = tables(self.data, str(top))[rest[0]]
@@ -151,7 +133,7 @@ class Units:
                 own = motor_unit(part["actuator"]) if part.get("actuator") in ACTUATORS else ""
             if top == "body":
                 own = "rad" if part.get("joint") == "hinge" else "m"
-            return {_of_field(_PARTS[str(top)], own, rest[1])}
+            return {_of_field(SECTIONS[str(top)], own, rest[1])}
         return set()
 
     def _of_parameters(self, glob: str) -> set[str]:
@@ -173,10 +155,12 @@ class Units:
         parts: dict[str, Any] = {"coordinates": [], "mobility": str(self.data.get("mobility"))}
         if isinstance(listed := self.data.get("coordinates"), list):
             parts["coordinates"] = list(map(str, listed))
-        for key, model in [*_PARTS.items(), ("sensor", None)]:
+        for key in (*_PARTS, "sensor"):
             usable = [_NAMED | _texts(of) for of in tables(self.data, key)[:_MOST]]
-            models = [(model or SENSORS.get(of["kind"]), of) for of in usable]
-            parts[key] = [one.model_construct(**of) for one, of in models if one]
+            kinds = SENSORS if key == "sensor" else {of["kind"]: SECTIONS[key] for of in usable}
+            parts[key] = [
+                kinds[of["kind"]].model_construct(**of) for of in usable if of["kind"] in kinds
+            ]
         return RobotFile.model_construct(**parts)
 
     @functools.cached_property

@@ -6,10 +6,9 @@ import itertools
 import os
 import re
 import tomllib
-from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -17,34 +16,13 @@ from truepose import files
 from truepose.exceptions import InputError, RobotFileError, choose, shortened
 from truepose.robotfile import consistency
 from truepose.robotfile.base import Problem, Section, tables
-from truepose.robotfile.chains import Chain
-from truepose.robotfile.mechanism import Motor
 from truepose.robotfile.pattern import MARK, TURNED, Copy, copies, misfits, repeats, turned_copies
 from truepose.robotfile.quantities import factors_of, in_si, marked
-from truepose.robotfile.schema import Pattern, RobotFile, Tolerance
+from truepose.robotfile.schema import SECTIONS, Pattern, RobotFile
 from truepose.robotfile.sensors import SENSORS
 
-
-def _sections(annotation: Any) -> Iterator[type[Section]]:
-    """Yield the tables in a key's type."""
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _sections(part)
-
-
 AnySection = TypeVar("AnySection", bound=Section)
-_SECTIONS: dict[str, type[Section]] = {
-    "chain_defaults": Chain,
-    "motor_defaults": Motor,
-    **{
-        key: section
-        for model in (RobotFile, Tolerance)
-        for key, field in model.model_fields.items()
-        for section in _sections(field.annotation)
-    },
-    **SENSORS,
-}
+_SECTIONS = SECTIONS | SENSORS | {f"{of}_defaults": SECTIONS[of] for of in ("chain", "motor")}
 #: Keys that are expanded before the schema's check, and their meaning.
 SHORTHAND = {
     "based_on": "the shipped robot that this file changes: its tables are laid over that robot's, "

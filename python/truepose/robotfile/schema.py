@@ -2,7 +2,8 @@
 
 import fnmatch
 import math
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
@@ -316,6 +317,12 @@ class RobotFile(Section):
             or any(map(is_compliance, (*self.tolerances, *self.parameters, *learnt)))
         )
 
+    def parts(self, *tables: str) -> Iterator[tuple[tuple[str, int], Any]]:
+        """Yield the path and the part of every table of these lists."""
+        for table in tables:
+            for k, part in enumerate(getattr(self, table)):
+                yield (table, k), part
+
     @property
     def used(self) -> tuple[Sensor, ...]:
         """Sensors in use, in the order of r."""
@@ -326,3 +333,19 @@ class RobotFile(Section):
         """Return a parameter's uncertainty: the first entry of 'tolerances' that fits its name."""
         fits = (t for name, t in self.tolerances.items() if fnmatch.fnmatchcase(parameter, name))
         return next(fits, None)
+
+
+def _sections(annotation: Any) -> Iterator[type[Section]]:
+    """Yield the tables in a key's type."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _sections(part)
+
+
+#: Class of every table, by its key.
+SECTIONS: dict[str, type[Section]] = {
+    key: section
+    for key, field in RobotFile.model_fields.items()
+    for section in _sections(field.annotation)
+}

@@ -1,15 +1,12 @@
 """Additive, differentiable coordinates of motion between poses."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot.frames import rotation, rotation_vector
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, rotation, rotation_vector
 
 _TERMS = 20  # of the series of SO(3)'s Jacobian: exact to rounding for rotations up to 2π
 

@@ -1,7 +1,5 @@
 """Steady-state poses of a robot under a controller, without its motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -13,13 +11,8 @@ from truepose.arguments import Array, Errors
 from truepose.control.controller import Controller, OwnLaw, law_name, require_same_readings
 from truepose.control.own_law import equilibrium
 from truepose.exceptions import PoseError
-from truepose.robot import knowledge
-from truepose.robot.batches import flattened, require_answers
-from truepose.robot.compliance import warn_if_stiff
-from truepose.robot.laws import Law, usual
-from truepose.robot.robot import Robot
-from truepose.show.results import ShownArray
-from truepose.show.table import Table
+from truepose.robot import Law, Robot, flattened, knowledge, require_answers, usual, warn_if_stiff
+from truepose.show import ShownArray, Table
 from truepose.simulation.figures import draw_errors, error_table
 
 

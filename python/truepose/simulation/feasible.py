@@ -1,17 +1,15 @@
 """Feasibility of a path or a move for the nominal robot's motors, checked beforehand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import positive
+from truepose.arguments import finite_rows, positive
 from truepose.exceptions import InputError, PoseError
+from truepose.robot import Robot
 from truepose.robot.batches import inverse
-from truepose.robot.robot import Robot
 from truepose.robot.units import rounded
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.paths import Line, Path
@@ -49,7 +47,7 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: st
     x, rate, acceleration = setpoints
     q = robot.ikm(x, errors="nan", own_mode=True)
     J = robot.jacobian(x, errors="nan")
-    lost = ~(np.isfinite(q).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
+    lost = ~(finite_rows(q) & finite_rows(J))
     first = int(lost.argmax()) if lost.any() else len(x)
     motors = (inverse(J[:first]) @ rate[:first, :, None])[..., 0]
     torque = robot.inverse_dynamics(x[:first], rate[:first], acceleration[:first])

@@ -1,17 +1,14 @@
 """Tables and figures of a robot's errors and torques."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot.robot import Robot
-from truepose.robot.units import by_unit, coordinate_axes, coordinate_table, summed
-from truepose.show.charts import lines
-from truepose.show.table import Table
+from truepose.robot import Robot, by_unit, coordinate_axes, summed
+from truepose.robot.units import coordinate_table
+from truepose.show import Table, lines
 
 #: Control periods of a motor's mean torque in a figure.
 _MEAN = 11

@@ -1,7 +1,5 @@
 """Path accuracy and repeatability by ISO 9283."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -13,13 +11,8 @@ from truepose.arguments import Array, check_seed, numbers_of, whole
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
-from truepose.show.charts import lines
-from truepose.show.results import Shown
-from truepose.show.table import Table, number
-from truepose.show.units import PRINT
+from truepose.robot import Law, Robot, angles
+from truepose.show import PRINT, Shown, Table, lines, number
 from truepose.simulation.chart import Setpoints, difference
 from truepose.simulation.feasible import Paced, fastest
 from truepose.simulation.paths import MOVE_DURATION, Path, path_of

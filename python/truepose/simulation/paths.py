@@ -1,7 +1,5 @@
 """Paths: the default move, lines, circles, waypoints, samples, functions of time."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable
@@ -14,9 +12,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array, numbers_of, positive
 from truepose.exceptions import InputError
 from truepose.plugins import package
-from truepose.robot.batches import as_row, as_rows, flattened
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
+from truepose.robot import Robot, angles, as_row, as_rows, flattened
 from truepose.simulation.chart import Chart, Setpoints
 
 #: The paper's move, Figures 11 to 13: start and end (m, rad; θ is the nacelle's), duration (s).

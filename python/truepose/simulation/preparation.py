@@ -1,7 +1,5 @@
 """Start of every simulated run: a robot at rest under its controller."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,10 +18,7 @@ from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
-from truepose.robot import knowledge
-from truepose.robot.batches import require_answers
-from truepose.robot.laws import LAWS, Law, usual
-from truepose.robot.robot import Robot
+from truepose.robot import LAWS, Law, Robot, knowledge, require_answers, usual
 from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.run import Run
 

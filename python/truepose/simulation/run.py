@@ -1,7 +1,5 @@
 """Options of a simulated run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +14,7 @@ from truepose.control.linear import ringing
 from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose.simulation.paths import MOVE_DURATION
 
 _STEPS, _RINGING = 2, 1.0  # least per period, and largest phase of a rotor's ringing per step, rad

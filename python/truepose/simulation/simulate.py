@@ -1,7 +1,5 @@
 """Simulation of a move or a path under a controller, every control period."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,14 +19,8 @@ from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, failures
 from truepose.logs.writing import Column, pose, readings
 from truepose.moved import grouped
-from truepose.robot.batches import as_row, members
-from truepose.robot.compliance import warn_if_stiff
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
-from truepose.show.results import Shown
-from truepose.show.table import Table
-from truepose.show.units import printed
+from truepose.robot import Law, Robot, as_row, members, reading_units, warn_if_stiff
+from truepose.show import Shown, Table, printed
 from truepose.simulation import figures
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.feasible import require_feasible, require_feasible_move

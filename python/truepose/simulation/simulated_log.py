@@ -1,23 +1,25 @@
 """Simulated calibration logs, and the error of calibrations on them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows, sigmas_of
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import ANGLE_SIGMA
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.frames import frames, rotation, rotation_vector
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import (
+    Law,
+    Robot,
+    angles,
+    knowledge,
+    rotation,
+    rotation_vector,
+    workspace_samples,
+)
+from truepose.robot.frames import frames
 from truepose.simulation.plants.exact import ExactPlant
 
 #: σ of a tracker's coordinates, m: a calibration's default.
@@ -56,10 +58,10 @@ def simulate_log(
     """
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
     x_d = workspace_samples(robot, _DRAWN * poses, where)
-    x_d = x_d[np.isfinite(robot.ikm(x_d, errors="nan", own_mode=True)).all(axis=1)]
+    x_d = x_d[finite_rows(robot.ikm(x_d, errors="nan", own_mode=True))]
     effects = Effects().only("quantization") if effects is None else effects
     visited, frame, q_e = _driven(robot, truth, x_d, seed, effects)
-    there = np.flatnonzero(np.isfinite(q_e).all(axis=1))[:poses]
+    there = np.flatnonzero(finite_rows(q_e))[:poses]
     if len(there) < poses:
         drawn = _DRAWN * poses
         raise InputError(f"{robot.name}: reached {len(there)} of {drawn} poses of its workspace")
@@ -145,7 +147,7 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
         "calibrated, by the motors": _led(found, truth, x_d, "joint"),
         "calibrated, by all readings": _led(found, truth, x_d, "estimated" if found.r else "joint"),
     }
-    sigma = np.sqrt(np.diag(root @ root.T))
+    sigma = sigmas_of(root @ root.T)
     return Missed(names, drawn - true, after - true, sigma, nees, pose)
 
 

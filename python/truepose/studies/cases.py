@@ -1,7 +1,5 @@
 """Cases of a study: a nominal robot, a true one, a point of the grid."""
 
-from __future__ import annotations
-
 import math
 from collections import UserDict
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +11,7 @@ import numpy as np
 
 from truepose.control.controller import law_name
 from truepose.exceptions import InputError, TrueposeError
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 #: Value that a function may return for one name.
 Answer = float | int | str | bool

@@ -1,7 +1,5 @@
 """Functions that a study evaluates: shipped ones and those of a file."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,10 +14,7 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.options import CalibrationOptions
 from truepose.exceptions import InputError, choose
 from truepose.plugins import plugins
-from truepose.robot.laws import LAWS, Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import LAWS, Law, Robot, angles, workspace_samples
 from truepose.simulation.equilibrium import steady_state
 from truepose.studies.cases import Answer, Asked, Case
 

@@ -1,7 +1,5 @@
 """Storage of a study that can continue later: a manifest, and a Parquet file written whole."""
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 import io

@@ -1,7 +1,5 @@
 """Monte Carlo studies: a function of many robots, evaluated in parallel and stored."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import itertools
@@ -13,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array, whole
-from truepose.robot.robot import Robot, load
-from truepose.show.charts import ranges
-from truepose.show.results import Shown
-from truepose.show.table import Table, number
+from truepose.robot import Robot, load
+from truepose.show import Shown, Table, number, ranges
 from truepose.studies.cases import OWN, Asked, Cases
 from truepose.studies.functions import function_of, require_keys
 from truepose.studies.storage import Storage

@@ -1,7 +1,5 @@
 """Workers of a study: processes here, or a cluster."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import multiprocessing

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from fixtures import refused
 from pkm import baselines, files, generate, ideal, mechanism, score, with_truepose
 from pkm.poses import difference
 
@@ -101,9 +102,8 @@ def test_a_wrong_submission_is_refused_in_one_line(small, submitted, tmp_path, c
     columns = files.read_csv(path)
     change(columns)
     files.write_csv(path, columns, ".10g")
-    with pytest.raises(files.BenchmarkError, match=said) as error:
+    with refused(said, files.BenchmarkError):
         score.score(tmp_path / "nominal", small)
-    assert "\n" not in str(error.value)
 
 
 def test_scores_of_a_case_computed_by_hand():

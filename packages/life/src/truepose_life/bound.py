@@ -5,9 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
+from truepose.robot import Robot, angles, knowledge
 from truepose_life.events import Event
 
 

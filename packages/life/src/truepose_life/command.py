@@ -8,8 +8,7 @@ import typer
 
 from truepose import files
 from truepose.commands.options import How
-from truepose.show.results import figure_of
-from truepose.show.table import as_csv
+from truepose.show import as_csv, figure_of
 from truepose.show.terminal import Format, progress, show
 
 

@@ -15,11 +15,7 @@ from truepose.calibration.online import OnlineCalibrator
 from truepose.control.adaptive import AdaptiveCalibrator
 from truepose.control.changes import changes
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles
-from truepose.robot.workspace import workspace_samples
+from truepose.robot import Law, Robot, angles, knowledge, workspace_samples
 from truepose.simulation.equilibrium import settling
 from truepose.studies.cases import Answer, Case
 from truepose_life.bound import bound

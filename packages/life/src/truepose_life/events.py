@@ -16,8 +16,7 @@ from truepose.control.changes import (
 )
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, knowledge
 from truepose_life.rates import Life
 
 Steps = dict[str, float]

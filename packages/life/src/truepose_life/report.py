@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.show.charts import ranges
-from truepose.show.table import Cell, Table, markdown, number
+from truepose.show import Cell, Table, number, ranges
+from truepose.show.table import markdown
 from truepose.studies.study import Study
 from truepose_life.events import SCENARIOS
 

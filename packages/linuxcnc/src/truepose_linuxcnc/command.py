@@ -11,8 +11,7 @@ from truepose.commands.options import Force, RobotName, SensorsOption, load_with
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
-from truepose.robot.laws import Law, usual
-from truepose.robot.robot import load
+from truepose.robot import Law, load, usual
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format
 from truepose_linuxcnc.configuration import to_configuration

@@ -16,11 +16,8 @@ from truepose.control.controller import Controller, require_same_readings
 from truepose.control.gains import poses
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
+from truepose.robot import Robot, angles, reading_units, require_sensors, samples_or_home
 from truepose.robot.knowledge import knowledge
-from truepose.robot.laws import require_sensors
-from truepose.robot.robot import Robot
-from truepose.robot.units import angles, reading_units
-from truepose.robot.workspace import samples_or_home
 from truepose.simulation.equilibrium import steady_state
 
 #: Largest number of uncertain parameters in the components (hal/table.h).

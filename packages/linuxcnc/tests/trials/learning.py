@@ -27,7 +27,7 @@ from trial import (
 
 import truepose as tp
 from truepose.arguments import Array
-from truepose.robot.workspace import workspace_grid
+from truepose.robot import workspace_grid
 from truepose_linuxcnc.configuration import corrections
 
 SEED, ASKED, LEARNT_AT = 0, 12, 60  # seed of the machine; poses for errors, and for calibration

@@ -23,7 +23,7 @@ import numpy as np
 
 import truepose as tp
 from truepose.arguments import Array
-from truepose.robot.workspace import workspace_grid
+from truepose.robot import workspace_grid
 from truepose.simulation.paths import MOVE_FROM, MOVE_TO
 from truepose_linuxcnc.configuration import to_configuration
 

@@ -10,8 +10,8 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
-from truepose.robot.frames import coordinates, frames
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, coordinates
+from truepose.robot.frames import frames
 from truepose_mujoco.mechanism import Posture
 from truepose_mujoco.mjcf import TIMESTEP, Model
 

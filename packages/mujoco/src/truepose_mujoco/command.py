@@ -8,7 +8,7 @@ from typer import Argument, Option, Typer
 from truepose import files, robotfile
 from truepose.commands.export import Out, put, say_stiff
 from truepose.commands.options import Force, RobotName, wrote
-from truepose.robot.robot import load
+from truepose.robot import load
 from truepose.show.terminal import Format, say
 from truepose_mujoco import viewing
 from truepose_mujoco.mjcf import to_mjcf

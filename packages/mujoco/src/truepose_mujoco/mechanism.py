@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
+from truepose.robot import Robot, rotation
 from truepose.robot.batches import at_poses
-from truepose.robot.frames import frames, rotation
-from truepose.robot.robot import Robot
+from truepose.robot.frames import frames
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.files import mark
+from truepose.robot import Robot
 from truepose.robot.parts import COLOURS
 from truepose.robot.passive import passive_axes
-from truepose.robot.robot import Robot
 from truepose_mujoco.mechanism import Mechanism, across, axes, turn
 
 #: s; small enough for a 1500 rad/s tracking loop, large enough for hundreds of poses per minute.

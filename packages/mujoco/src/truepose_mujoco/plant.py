@@ -17,9 +17,7 @@ from truepose.control.safety import SafetyShell, not_started, stop_text
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
-from truepose.robot import knowledge
-from truepose.robot.batches import as_rows, flattened
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, as_rows, flattened, knowledge
 from truepose.simulation.plants import Visit
 from truepose.simulation.preparation import unanswered
 from truepose.threads import each

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from truepose.exceptions import InputError, TrueposeError
 from truepose.files import Output, check, mark, replace_file, unfinished
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose_mujoco.mjcf import Model
 
 _PATIENCE = 120  # timeout of one picture, s

@@ -9,8 +9,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
+from truepose.robot import Law, Robot
 
 GEAR = 4  #: Ratio of the tool's rotation to the nacelle's.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")

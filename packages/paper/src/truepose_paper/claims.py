@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.show.table import Cell, Table, number
+from truepose.show import Cell, Table, number
 from truepose_paper import article, experiment, twin
 from truepose_paper.reproduce import Reproduction
 

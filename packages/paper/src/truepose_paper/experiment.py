@@ -13,8 +13,7 @@ from truepose.arguments import Array, numbers_of
 from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
+from truepose.robot import Law, Robot
 from truepose.simulation.equilibrium import steady_state
 from truepose.threads import each
 from truepose_paper import article

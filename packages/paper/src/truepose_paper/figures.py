@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose.arguments import Array
-from truepose.show.charts import lines
-from truepose.show.results import figure_of
+from truepose.show import figure_of, lines
 from truepose.simulation.simulate import Simulation
 from truepose_paper import experiment
 from truepose_paper.experiment import LABELS, Control

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from truepose import files, logs
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.show import page
-from truepose.show.table import as_csv
+from truepose.show import as_csv, page
 from truepose.simulation.paths import MOVE_TO
 from truepose_paper import article, claims, experiment, figures, sensor_sets, tables, twin
 from truepose_paper.article import QUANTITIES, STATISTICS

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot, load
+from truepose.robot import Law, Robot, load
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.threads import each
 from truepose_paper import article, experiment, sensor_sets, twin

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from rich.cells import cell_len
 
-from truepose.show.table import Table
+from truepose.show import Table
 from truepose.show.terminal import printable
 from truepose_paper import claims, tables
 from truepose_paper.reproduce import Reproduction

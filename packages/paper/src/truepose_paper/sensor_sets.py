@@ -8,7 +8,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose.robotfile.schema import Tolerance
 from truepose.threads import each
 from truepose_paper import article, experiment

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.robot.frames import coordinates
-from truepose.show.table import Cell, Table, fixed, number
+from truepose.robot import coordinates
+from truepose.show import Cell, Table, fixed, number
 from truepose_paper import article, claims, experiment, twin
 from truepose_paper.experiment import LABELS, PRINTED, Control, over_robots, rms_interval
 from truepose_paper.reproduce import MOVES, Reproduction

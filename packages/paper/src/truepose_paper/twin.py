@@ -11,7 +11,7 @@ import numpy as np
 from truepose import robotfile
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.robot.robot import Robot, load
+from truepose.robot import Robot, load
 from truepose.simulation.plants.exact import ExactPlant
 from truepose_paper import article, virtual_experiment
 from truepose_paper.experiment import PRINTED, Control

@@ -11,9 +11,7 @@ from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.writing import Column, numbered, pose, readings
-from truepose.robot.frames import coordinates
-from truepose.robot.laws import require_sensors
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, coordinates, require_sensors
 from truepose.simulation.plants import Plant, Visit
 from truepose_paper import article, experiment
 from truepose_paper.experiment import CONTROLS, Control

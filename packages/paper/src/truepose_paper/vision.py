@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 
 from truepose.arguments import Array, check_seed, finite, positive, whole
 from truepose.exceptions import InputError
-from truepose.robot.frames import frames, rotation
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, rotation
+from truepose.robot.frames import frames
 
 CAMERAS = 3
 _ITERATIONS = 30

@@ -9,7 +9,7 @@ import numpy as np
 
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError
-from truepose.show.table import Cell, Table
+from truepose.show import Cell, Table
 from truepose_printers.assessment import MM, Assessment
 from truepose_printers.review import cell
 

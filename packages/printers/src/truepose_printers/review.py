@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.show.table import Cell, Table, fixed
+from truepose.show import Cell, Table, fixed
 from truepose_printers.assessment import DEGREE, MM, Assessment
 
 #: The sets of parameters, and the residuals of the readings with each in the answer.

@@ -12,9 +12,8 @@ from truepose import files
 from truepose.calibration.learnt import mean_of
 from truepose.commands.export import Out, put, say_stiff
 from truepose.commands.options import Force, RobotName, SensorsOption, load_with
+from truepose.robot import Robot, reading_units, unit_of
 from truepose.robot.knowledge import knowledge, require_uncertain
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units, unit_of
 
 #: Kind of file, for :func:`truepose.files.mark`.
 KIND = "robot for a browser"

@@ -25,8 +25,7 @@ from truepose.calibration.learnt import Learnt, calibrated
 from truepose.calibration.options import CalibrationOptions
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
-from truepose.robot import knowledge
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, knowledge
 from truepose_sleds import frame
 
 #: Order of the readings: upper left and right, lower left and right.

@@ -13,7 +13,7 @@ from truepose.commands.options import Force, How, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
 from truepose.exceptions import InputError, TrueposeError
-from truepose.show.table import Cell, Table, fixed, number
+from truepose.show import Cell, Table, fixed, number
 from truepose.show.terminal import Format, show
 from truepose_sleds import belts, firmware, frame, to_read
 from truepose_sleds.belts import BELTS, Model, Sled

@@ -15,12 +15,9 @@ from truepose.design.poses import plan_poses
 from truepose.design.selection import SensorSelection, SensorSet
 from truepose.design.sensors import select_sensors
 from truepose.exceptions import InputError, TrueposeError
-from truepose.robot.frames import frames, rotation_vector
-from truepose.robot.laws import LAWS, Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import summed
-from truepose.robot.workspace import samples_or_home
-from truepose.show.units import PRINT
+from truepose.robot import LAWS, Law, Robot, rotation_vector, samples_or_home, summed
+from truepose.robot.frames import frames
+from truepose.show import PRINT
 from truepose.simulation.equilibrium import steady_state
 from truepose_workbench.state import State, Terms, pose_range
 

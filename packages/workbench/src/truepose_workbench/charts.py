@@ -8,11 +8,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget
 from truepose.design.selection import SensorSelection
-from truepose.robot import units
-from truepose.robot.laws import LAWS
-from truepose.robot.units import summed
-from truepose.show.table import number
-from truepose.show.units import PRINT
+from truepose.robot import LAWS, summed, units
+from truepose.show import PRINT, number
 from truepose_workbench.answers import paid
 
 #: Colours of a line, and of the sensors in use.

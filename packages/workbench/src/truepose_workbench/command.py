@@ -9,7 +9,7 @@ import typer
 from truepose.commands.design import parse_prices
 from truepose.commands.options import completing
 from truepose.exceptions import TrueposeError
-from truepose.robot.robot import list_robots, load
+from truepose.robot import list_robots, load
 from truepose.show.terminal import say
 from truepose_workbench.state import begin, demonstration
 

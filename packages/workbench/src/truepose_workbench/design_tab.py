@@ -13,8 +13,8 @@ from truepose.commands.plan import notes, written
 from truepose.design.pose_plan import PosePlan
 from truepose.design.selection import SensorSelection
 from truepose.exceptions import TrueposeError
-from truepose.robot.units import label, summed
-from truepose.show.units import measured
+from truepose.robot import label, summed
+from truepose.show import measured
 from truepose_workbench import answers, charts, words
 from truepose_workbench.page import Page, Tab
 from truepose_workbench.state import State, Terms

@@ -18,9 +18,8 @@ from truepose.calibration.review import Assessment
 from truepose.exceptions import InputError, TrueposeError
 from truepose.files import unfinished
 from truepose.logs import Log
-from truepose.robot.robot import Robot
-from truepose.robot.units import in_print
-from truepose.show.table import number
+from truepose.robot import Robot, in_print
+from truepose.show import number
 from truepose.simulation.simulated_log import simulate_log
 from truepose_workbench import charts, words
 from truepose_workbench.page import Page, Tab, plot

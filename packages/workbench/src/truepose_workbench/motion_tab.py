@@ -12,9 +12,8 @@ from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.faults.monitor import HEALTH, SYMPTOMS, FaultMonitor
-from truepose.robot.laws import LAWS, Law, usual
-from truepose.robot.units import reading_units, summed
-from truepose.show.units import printed
+from truepose.robot import LAWS, Law, reading_units, summed, usual
+from truepose.show import printed
 from truepose.simulation.paths import Waypoints, default_move
 from truepose.simulation.simulate import Simulation, simulate
 from truepose_workbench import charts, words

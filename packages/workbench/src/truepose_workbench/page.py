@@ -12,7 +12,7 @@ from viser import GuiApi, ViserServer, uplot
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import TrueposeError, one_line
-from truepose.robot.laws import LAWS, Law, usual
+from truepose.robot import LAWS, Law, usual
 from truepose_workbench import answers, words
 from truepose_workbench.charts import LAW_COLOURS
 from truepose_workbench.guard import Guard

@@ -14,8 +14,8 @@ from viser.transforms import SE3, SO3
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import InputError
+from truepose.robot import Law
 from truepose.robot.frames import frames
-from truepose.robot.laws import Law
 from truepose.robot.parts import COLOURS, Part, parts_of
 from truepose_workbench.answers import Rest, ellipsoids, map_of, skeletons
 from truepose_workbench.charts import LAW_COLOURS, USED, legend, rgb, shades

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from truepose.exceptions import InputError
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose_workbench import tabs
 from truepose_workbench.design_tab import DesignTab
 from truepose_workbench.log_tab import LogTab

@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array
 from truepose.design.selection import STEPS
 from truepose.design.where import Use, practice
-from truepose.robot.frames import coordinates
-from truepose.robot.robot import Robot, load
-from truepose.robot.units import unit_of
+from truepose.robot import Robot, coordinates, load, unit_of
 
 #: Range of an error's slider without a tolerance, by unit: m, rad, of a gain.
 _REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6, "rad/(N·m)": 1e-5}

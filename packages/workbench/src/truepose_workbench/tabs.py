@@ -8,8 +8,7 @@ import numpy as np
 from viser import GuiApi
 
 from truepose.arguments import Array
-from truepose.robot.laws import LAWS
-from truepose.robot.units import Axis, coordinate_axes, in_print, reading_axes
+from truepose.robot import LAWS, Axis, coordinate_axes, in_print, reading_axes
 from truepose_workbench import words
 from truepose_workbench.answers import MAPS
 from truepose_workbench.page import Page, Tab

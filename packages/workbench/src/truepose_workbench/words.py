@@ -6,12 +6,9 @@ from html import escape
 import numpy as np
 
 from truepose.exceptions import one_line
+from truepose.robot import Law, Robot, in_print, summed
 from truepose.robot.kinematics import Conditioning
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
-from truepose.robot.units import in_print, summed
-from truepose.show.table import number
-from truepose.show.units import PRINT, printed
+from truepose.show import PRINT, number, printed
 from truepose_workbench.answers import Rest
 from truepose_workbench.state import State
 

@@ -1,7 +1,5 @@
 """Mistakes in a log's columns: unit, gain, sign, order, body of a sensor, a common constant."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Collection, Iterator, Sequence
@@ -10,8 +8,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
-from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot import Robot, reading_units
 
 #: Factors of a column in another unit, and their messages, for a length (0) and an angle (1).
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
@@ -39,7 +36,7 @@ def _scaled(
     """
     factors = np.ones(len(case.log.names))
     factors[list(which)] = factor
-    names = ", ".join(case.log.names[k] for k in which)
+    names = case.named(which)
     read = np.isfinite(case.log.readings[:, list(which)]).sum()
     odds = LN_RATE - math.log(among) - float(read) * math.log(abs(factor))
     return case.with_readings(
@@ -86,7 +83,7 @@ def gain(case: Case) -> Iterator[Hypothesis]:
     """A motor or sensor, or all of a kind, with another gain or gear: true = (1 - a) read."""
     for which in alone_and_alike(case.robot):
         of = np.isin(np.arange(len(case.log.names)), which).astype(float)
-        names = ", ".join(case.log.names[k] for k in which)
+        names = case.named(which)
         its = "its" if len(which) == 1 else "their"
         yield case.with_pattern(
             np.nan_to_num(case.log.readings) * of,

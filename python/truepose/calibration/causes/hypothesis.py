@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from truepose.calibration.influences import NuisanceParameter, relaxed
 from truepose.calibration.registration import Registration
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 #: Assumed probability that a given part is wrong, or that a given mistake was made.
 RATE = 0.01
@@ -74,6 +74,10 @@ class Case(Problem):
     """A robot and a log to explain."""
 
     first: Hypothesis | None = None  #: a mistake that is undone already
+
+    def named(self, columns: Iterable[int]) -> str:
+        """Return the names of columns of the log."""
+        return ", ".join(self.log.names[k] for k in columns)
 
     def under(self, of: Hypothesis) -> Case:
         """Return the case that is left when a mistake is undone."""

@@ -1,16 +1,14 @@
 """The machine as it reads in a log's last row, where a mistake changed its readings for good."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, sigmas_of
 from truepose.calibration.causes.hypothesis import Hypothesis
 from truepose.calibration.fit import Calibration, joint_prior
 from truepose.logs import Log
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
 
 #: σ of a gain or an offset without uncertainty, which keeps a covariance regular.
@@ -71,7 +69,7 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
         own = [name not in names for name in every]
         joint[range(len(own)), range(len(own))] += EXACT**2 * np.array(own)
         block = joint[: len(every), : len(every)]
-        sigma = np.sqrt(np.diag(block))
+        sigma = sigmas_of(block)
         root = sigma[:, None] * np.linalg.cholesky(block / np.outer(sigma, sigma))
         learnt = robot.spec.calibration or CalibrationSection(parameters=(), mean=(), root=())
         section = learnt.model_copy(

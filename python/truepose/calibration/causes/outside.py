@@ -1,7 +1,5 @@
 """Mistakes in an outside measurement: its axes, its frame, its angles, its units, its rows."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterator
@@ -10,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
 from truepose.calibration.causes.rows import later
@@ -18,8 +16,7 @@ from truepose.calibration.expectation import poses_of
 from truepose.calibration.registration import Registration, registration_of
 from truepose.logs import orientation
 from truepose.logs.orientation import ORDERS, of_euler
-from truepose.robot import frames
-from truepose.robot.units import angles
+from truepose.robot import angles, frames
 
 #: Most rows by which a measurement is late or early.
 LATE = 10
@@ -58,11 +55,11 @@ class View:
     def distance(self, measured: Array) -> float:
         """Return the median distance of positions plus that of angles, over their spreads."""
         total = 0.0
-        good = np.isfinite(self.x).all(axis=1)
+        good = finite_rows(self.x)
         place = np.flatnonzero(~self.angle)
         base = self.by.begin()[0]
         R = base[:3, :3]
-        some = good & np.isfinite(measured[:, place]).all(axis=1)
+        some = good & finite_rows(measured[:, place])
         if len(place) and some.sum() >= 4:
             p, D = (
                 np.pad(v[some][:, place], ((0, 0), (0, 3 - len(place)))) for v in (measured, self.x)
@@ -73,7 +70,7 @@ class View:
             else:
                 p = p - base[:3, 3]
             total += _share(np.linalg.norm(p - D @ R.T, axis=1), D)
-        some = good & np.isfinite(measured[:, self.angle]).all(axis=1)
+        some = good & finite_rows(measured[:, self.angle])
         if not self.angle.any() or some.sum() < 4:
             return total
         a, x = measured[some][:, self.angle], self.x[some][:, self.angle]
@@ -172,7 +169,7 @@ def _turned(view: View, P: Array, given: Array, mirrored: bool) -> Iterator[Arra
     if mirrored:  # a rotation vector keeps its sense there
         yield -given @ P.T
     elif not view.unknown:
-        result, read = given.copy(), np.isfinite(given).all(axis=1)
+        result, read = given.copy(), finite_rows(given)
         result[read] = frames.rotation_vector(P @ frames.rotation(given[read]))
         yield result
 
@@ -219,7 +216,7 @@ def _euler(case: Case, given: Array) -> Iterator[Candidate]:
     if form == "quaternion":
         return
     raw = given[:, 3:] if raw is None else raw
-    read = np.isfinite(raw).all(axis=1)
+    read = finite_rows(raw)
     size = np.abs(raw[read]).max(initial=0.0)
     usual = orientation.require(form or None)
     usual = usual if usual.isupper() else usual[::-1].upper()
@@ -257,7 +254,7 @@ def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
         for factor, text in UNITS[angle].items():
             moved = given.copy()
             if angle and case.log.euler is not None:
-                read = np.isfinite(case.log.euler).all(axis=1)
+                read = finite_rows(case.log.euler)
                 moved[read, 3:] = of_euler(case.log.euler[read] / factor, case.log.form)
             else:
                 moved[:, which] = raw / factor

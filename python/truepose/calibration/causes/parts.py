@@ -1,7 +1,5 @@
 """Wrong parts: a homing, rod, arm, joint or sensor far beyond its tolerance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 
@@ -9,8 +7,7 @@ import numpy as np
 
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
 from truepose.calibration.influences import relaxed
-from truepose.robot import knowledge
-from truepose.robot.units import reading_units
+from truepose.robot import knowledge, reading_units
 
 #: σ of the deviation of a part without a tolerance: m, rad.
 EXACT = {"m": 1e-3, "rad": 0.01}

@@ -1,23 +1,20 @@
 """Explanations that a slip must beat: a step at the middle, errors that persist over rows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
 from truepose.calibration.causes.rows import steps
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import patterns
 from truepose.calibration.parity import parity
-from truepose.robot import knowledge
-from truepose.robot.units import reading_units
-from truepose.show.units import PRINT
+from truepose.robot import knowledge, reading_units
+from truepose.show import PRINT
 
 #: Thresholds between two sides, from the middle, over a quantity's range.
 BANDS = 0.04 * np.linspace(-1, 1, 5)
@@ -80,7 +77,7 @@ def over_persisting(
     robot = fit.robot
     names = knowledge.uncertain(fit.prior)
     rows = np.arange(len(fit.x)) if rows is None else rows
-    good = np.isfinite(np.hstack([fit.x, fit.residuals])).all(axis=1)
+    good = finite_rows(np.hstack([fit.x, fit.residuals]))
     rows = rows[good[rows]]
     if robot.r == 0 or len(rows) < 4:
         return math.inf

@@ -1,25 +1,24 @@
 """Mistakes in a log's rows: shifted, stuck, slipped, gross errors."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
-from truepose.calibration.expectation import expect, poses_of
+from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import patterns
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.parity import parity
 from truepose.calibration.registration import sigmas
 from truepose.logs import Log
-from truepose.robot.units import reading_units
+from truepose.robot import reading_units
 
 #: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
 SHIFTS, STUCK = 3, 5
@@ -35,7 +34,7 @@ def shifted(case: Case) -> Iterator[Hypothesis]:
     """The rows of one column, or of all sensors, shifted against the others."""
     width, n = len(case.log.names), case.robot.m
     for which in dict.fromkeys([*((k,) for k in range(width)), tuple(range(n, width))]):
-        k, name = list(which), ", ".join(case.log.names[k] for k in which)
+        k, name = list(which), case.named(which)
         its = "its" if len(which) == 1 else "their"
         for by in (*range(-SHIFTS, 0), *range(1, SHIFTS + 1)):
             if abs(by) >= len(case.log.readings):
@@ -113,7 +112,7 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     usual, sigma = amounts.reshape(-1, 2).T
     model, readings = case.robot.expected(), case.log.readings - by @ usual
     x = poses_of(model, readings[:, : model.m])
-    rows = np.flatnonzero(np.isfinite(np.hstack([x, readings])).all(axis=1))
+    rows = np.flatnonzero(finite_rows(np.hstack([x, readings])))
     if count < 4 or len(rows) == 0 or len(masks) == 0 or model.r == 0:
         return
     A, F = parity(model, x[rows])
@@ -132,7 +131,7 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
         pattern = np.outer(masks[best], columns).astype(float)
         span, unit = float(spans[columns].max()), Size(reading_units(case.robot)[which[0]])
         step = case.with_pattern(pattern, max(span / 5, 1e-6), text="", size=unit)
-        yield ", ".join(case.log.names[k] for k in which), best, step
+        yield case.named(which), best, step
 
 
 def gross(case: Case) -> Iterator[Hypothesis]:
@@ -180,8 +179,13 @@ def _begun(case: Case) -> Array | None:
     seen = expect(case.robot.expected(), case.log.readings)
     columns = zip(seen.residual.T, np.isfinite(seen.residual).T, strict=True)
     usual = [np.median(of[read]) if read.any() else 0.0 for of, read in columns]
+    return _chi2(seen, usual)
+
+
+def _chi2(seen: Expectation, usual: ArrayLike = 0.0) -> Array:
+    """Return each row's χ² of residuals less usual ones; inf without a pose."""
     off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
-    return np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+    return np.where(finite_rows(seen.x), off, np.inf)
 
 
 def _without(case: Case, bad: Array) -> Hypothesis:
@@ -202,5 +206,4 @@ def _predicted(case: Case, fit: Calibration) -> Array:
     seen = expect(
         fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads
     )
-    off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
-    return np.where(np.isfinite(seen.x).all(axis=1), off, np.inf)
+    return _chi2(seen)

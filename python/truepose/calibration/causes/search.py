@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.bound import accuracy
 from truepose.calibration.cause import Cause, Causes
 from truepose.calibration.causes import (
@@ -27,8 +27,8 @@ from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import TrueposeError
-from truepose.robot.workspace import samples_or_home
-from truepose.show.units import PRINT
+from truepose.robot import samples_or_home
+from truepose.show import PRINT
 
 #: Every cause by name; a new one is a generator of hypotheses and an entry here.
 CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
@@ -219,7 +219,7 @@ def _some(case: Case) -> Array | None:
 def _equations(case: Case, rows: Array | None) -> int:
     """Return the number of equations of a log beyond those that its poses take."""
     n, log = case.robot.m, case.log if rows is None else case.log.only(rows)
-    read = np.isfinite(log.readings[:, :n]).all(axis=1)
+    read = finite_rows(log.readings[:, :n])
     count = int(np.isfinite(log.readings[read, n:]).sum() + (n - case.robot.n) * read.sum())
     if log.measured is not None:
         count += int(np.isfinite(log.measured[read]).sum())
@@ -319,9 +319,9 @@ def _alike(first: Calibration, second: Calibration) -> bool:
     if first.x.shape != second.x.shape:
         return False
     off = first.x - second.x
-    good = np.isfinite(off).all(axis=1)
+    good = finite_rows(off)
     sigma2 = accuracy(first.robot, first.x[good], level=first.level, errors="nan")
-    seen = np.isfinite(sigma2).all(axis=(1, 2))
+    seen = finite_rows(sigma2)
     if not seen.any():
         return False
     off, inverse = off[good][seen], np.linalg.inv(sigma2[seen])

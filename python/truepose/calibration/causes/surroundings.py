@@ -1,17 +1,14 @@
 """Causes outside the robot's geometry: a leaning base, a load on compliant rods."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, Size
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.influences import stretch, tension
-from truepose.robot import lean
-from truepose.robot.robot import Robot
+from truepose.robot import Robot, lean
 
 #: σ of a lean, rad; of load times compliance, 1 (assumed).
 LEAN, LOAD = 0.05, 1e-3
@@ -48,7 +45,7 @@ def load(case: Case) -> Iterator[Hypothesis]:
     """A weight on the platform that stretches the rods."""
     robot = case.robot.expected()
     x = poses_of(robot, case.log.readings[:, : robot.m])
-    good = np.isfinite(x).all(axis=1)
+    good = finite_rows(x)
     if (
         not good.any()
         or robot.is_compliant

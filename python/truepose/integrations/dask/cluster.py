@@ -1,7 +1,5 @@
 """Monte Carlo studies on the workers of a dask cluster."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import pickle

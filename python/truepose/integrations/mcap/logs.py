@@ -1,7 +1,5 @@
 """Logs in MCAP, the format of Foxglove, PlotJuggler and ROS 2: JSON and ROS 2 messages."""
 
-from __future__ import annotations
-
 import dataclasses
 import io
 import json

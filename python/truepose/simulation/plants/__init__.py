@@ -1,7 +1,5 @@
 """Plants: true robots that differ from their model, driven from pose to pose."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
@@ -9,7 +7,7 @@ from truepose.arguments import Array
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.logs.writing import Column, numbered, pose, readings
-from truepose.robot.robot import Robot
+from truepose.robot import Robot
 
 
 class Visit(NamedTuple):

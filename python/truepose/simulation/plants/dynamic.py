@@ -1,7 +1,5 @@
 """A simulated robot, driven from pose to pose in its dynamics."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,10 +14,8 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
-from truepose.robot.batches import as_rows, members
+from truepose.robot import Law, Robot, as_rows, members
 from truepose.robot.frames import frames
-from truepose.robot.laws import Law
-from truepose.robot.robot import Robot
 from truepose.simulation.plants import Visit
 from truepose.simulation.preparation import (
     NO_REST,

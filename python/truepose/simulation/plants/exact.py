@@ -1,7 +1,5 @@
 """A plant at exact static equilibrium."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -12,10 +10,8 @@ from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, choose
 from truepose.faults.fault import Fault, in_core
-from truepose.robot import knowledge
-from truepose.robot.batches import as_rows
+from truepose.robot import Robot, as_rows, knowledge
 from truepose.robot.frames import frames
-from truepose.robot.robot import Robot
 from truepose.simulation.plants import Visit
 
 #: Groups of effects that act at rest.

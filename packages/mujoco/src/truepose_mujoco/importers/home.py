@@ -7,10 +7,9 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError, TrueposeError
-from truepose.robot import explain
+from truepose.robot import Robot, explain, workspace_grid
 from truepose.robot.frames import frames
-from truepose.robot.robot import Robot
-from truepose.robot.workspace import condition_numbers, workspace_grid
+from truepose.robot.workspace import condition_numbers
 from truepose.robotfile import validate
 from truepose.robotfile.schema import RobotFile, Workspace
 

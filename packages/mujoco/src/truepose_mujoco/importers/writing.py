@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from truepose.arguments import Array
-from truepose.robot.frames import rotation
+from truepose.robot import rotation
 from truepose.robotfile.consistency import taken
 from truepose.robotfile.schema import RobotFile
 from truepose_mujoco.importers.home import standing, with_workspace
