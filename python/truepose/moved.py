@@ -24,6 +24,7 @@ COMMANDS = {
     "life": "life",
     "maslow": "sleds",
     "reproduce": "paper",
+    "start-test": "safety",
     "view": "mujoco",
     "workbench": "workbench",
 }
@@ -40,11 +41,19 @@ MODULES = {
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
     "truepose.paper": "truepose_paper",
+    "truepose.simulation.start_test": "truepose_safety.start_test",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",
     "truepose.studies.life_rates": "truepose_life.rates",
     "truepose.studies.life_report": "truepose_life.report",
+}
+#: New name of each name of a module that moved.
+NAMES = {
+    "truepose.simulation": {
+        "StartTest": "truepose_safety.StartTest",
+        "start_test": "truepose_safety.start_test",
+    }
 }
 
 
@@ -96,10 +105,23 @@ class _Moved:
     @staticmethod
     def find_spec(name: str, *_: object) -> None:
         if new := MODULES.get(name):
-            package = new.partition(".")[0].replace("_", "-")
-            raise ModuleNotFoundError(f"{name} is {new} now, in the package {package}", name=name)
+            raise ModuleNotFoundError(_now(name, new), name=name)
+
+
+def _now(name: str, new: str) -> str:
+    package = new.partition(".")[0].replace("_", "-")
+    return f"{name} is {new} now, in the package {package}"
 
 
 def answer_imports() -> None:
-    """Let imports of modules that moved fail with their new name."""
+    """Let imports of modules and names that moved fail with their new name."""
     sys.meta_path.append(_Moved())
+    for module in NAMES:
+        vars(sys.modules[module])["__getattr__"] = functools.partial(_absent, module)
+
+
+def _absent(module: str, name: str) -> None:
+    """Raise the error of a name that a module does not have."""
+    if new := NAMES[module].get(name):
+        raise AttributeError(_now(f"{module}.{name}", new))
+    raise AttributeError(f"module {module!r} has no attribute {name!r}")

@@ -1,11 +1,10 @@
-// Controllers, fault monitor, safety shell and start-up test for Python. No mathematics.
+// Controllers, fault monitor and safety shell for Python. No mathematics.
 #include "control/momentum_defaults.hpp"
 #include "control/safety_defaults.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"
 #include "simulation/simulate.hpp"
-#include "simulation/start_simulation.hpp"
 #include "simulation/statics.hpp"
 
 namespace truepose::python {
@@ -120,26 +119,6 @@ struct ExternalControl {
     return answered(outcome);
   }
 };
-
-/// The report, the platform's motion, each motor's largest torque, and the duration.
-auto run_start(const Robot& robot, const Robot& truth, const ControlSettings& control,
-               const StartSettings& settings, const Known& known, const Effects& effects,
-               const std::vector<Fault>& faults, bool incremental, bool referenced,
-               const Coordinates& start, std::uint64_t seed) {
-  SafetyLimits limits;
-  SimulatedStart run;
-  Outcome outcome;
-  {
-    nb::gil_scoped_release release;
-    const Weights weights(robot, &known);
-    outcome = default_limits(robot, control, limits);
-    if (outcome)
-      outcome = simulate_start(robot, truth, settings, limits, weights, effects,
-                               {faults, incremental, referenced, start, seed}, run);
-  }
-  const StartReport& report = run.test;
-  return answered(outcome, report, run.moved, run.torque, run.seconds);
-}
 }  // namespace
 
 void bind_control(nb::module_& m) { m.def("settle", &settled); }
@@ -181,6 +160,5 @@ void bind_safety(nb::module_& m) {
                      return own.safety ? own.shell.torque : own.state.torque;
                    })
       .def_prop_ro("report", [](const ExternalControl& own) -> SafetyReport { return own.shell; });
-  m.def("simulate_start", &run_start);
 }
 }  // namespace truepose::python

@@ -37,11 +37,6 @@ def test_the_fkm_of_own_readings_is_the_pose_and_of_others_their_least_squares(r
         robot.fkm(q[0])
 
 
-def test_one_motor_cannot_move_alone_for_a_start_up_test(robot):
-    with refused("start-up test: no motor moves .*4 motors for 3 freedoms"):
-        tp.simulation.start_test(robot)
-
-
 def test_torques_are_the_smallest_that_accelerate_the_platform(robot, poses):
     wanted = np.array([1.0, -2.0, 5.0])
     torque = robot.inverse_dynamics(poses, np.zeros(3), wanted)

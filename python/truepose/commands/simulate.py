@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from typer import Context, Option
 
-from truepose import files, logs
+from truepose import files, logs, moved
 from truepose.arguments import Array
 from truepose.commands import options
 from truepose.control.controller import Controller
@@ -32,7 +32,6 @@ from truepose.simulation.plants.dynamic import visit
 from truepose.simulation.preparation import controller_of, require_within
 from truepose.simulation.run import Run
 from truepose.simulation.simulate import Simulation, simulate
-from truepose.simulation.start_test import start_test as prove
 
 #: Poles of a controller that visits poses without effects, rad/s, and the velocity filter's
 #: bandwidth over the poles, for visits and with effects.
@@ -42,9 +41,6 @@ MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
 #: A path, or None and the ends of a move.
 Motion = tuple[Circle | SampledPath | Waypoints | None, Array | None, Array | None]
 _UNITS = ("N", "N·m")
-#: Options of the start-up test.
-_START = {"--start-test", "--from", "--true", "--effects", "--fault", "--seed"}
-_START |= {"--sensors", "--format", "--all"}
 
 
 def command(
@@ -96,12 +92,7 @@ def command(
         help="Safety shell: stop after a violation of its limits, which are printed. Moves and "
         "paths only.",
     ),
-    start_test: bool = Option(
-        False,
-        "--start-test",
-        help="Instead of a move: the start-up test, with the faults as miswirings of incremental "
-        "encoders.",
-    ),
+    start_test: bool = Option(False, "--start-test", hidden=True),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
     duration: float | None = Option(
@@ -132,9 +123,9 @@ def command(
     then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**, or with the limits of the
     safety shell **truepose simulate h4 --safety --all --fault frame:stuck@0.1**
     """
+    if start_test:
+        raise InputError(moved.where("--start-test: truepose start-test ROBOT", "safety"))
     given = options.given(context)
-    wrong: Collection[str] = set(given) - _START if start_test else ()
-    options.refuse(given, wrong, "not with --start-test: leave out")
     read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
     write = options.writer(read, force, plot=plot)
     log = None if out is None else logs.writing.check(out, options.paths(read), force)
@@ -142,13 +133,9 @@ def command(
     truth = options.true_robot(believed, true, seed)
     faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
     forgotten = None if effects == "none" else options.effects_of(effects)
-    if start_test:
-        at = options.parse_pose(believed, start, "--from", False)
-        started = prove(believed, truth, faults, start=at, effects=forgotten, seed=seed)
-        return show([started.table()], how, [started.summary])
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, tuple)
-    wrong = ("--disturbance", "--safety") if visiting else ()
+    wrong: Collection[str] = ("--disturbance", "--safety") if visiting else ()
     options.refuse(given, wrong, "only for moves and paths in time, not for --path with poses")
     law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting)

@@ -1,5 +1,5 @@
 // Push and opening time of a start-up test's pulses, within the bound of the platform's motion.
-#include "control/start_pulse.hpp"
+#include "safety/start_pulse.hpp"
 
 namespace truepose::start_detail {
 StartPulse pulse_within(const StartSettings& settings, Real period, const StartMotor& motor) {

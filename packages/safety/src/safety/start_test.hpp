@@ -16,7 +16,7 @@
 #pragma once
 
 #include "control/law.hpp"
-#include "control/start_evidence.hpp"
+#include "safety/start_evidence.hpp"
 
 namespace truepose {
 /// Runs one cycle of the start-up test: torques and brakes are test.torque and test.brakes. Call it

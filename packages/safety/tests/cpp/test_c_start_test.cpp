@@ -1,5 +1,6 @@
 // The start-up test in C does what the core's does, and refuses what is no test.
 #include "in_c.hpp"
+#include "safety/fields.hpp"
 #include "start_bench.hpp"
 
 using namespace mechanisms;

@@ -1,5 +1,5 @@
 // Simulation of a start-up test: the true robot with brakes, miswired readings.
-#include "simulation/start_simulation.hpp"
+#include "offline/start_simulation.hpp"
 
 namespace truepose {
 Outcome simulate_start(const Robot& robot, const Robot& truth, const StartSettings& settings,

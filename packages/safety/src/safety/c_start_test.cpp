@@ -1,5 +1,7 @@
 // The start-up test for C.
 #include "c/controllers.hpp"
+#include "safety/fields.hpp"
+#include "safety/start_test.hpp"
 
 using namespace truepose;
 

@@ -3,6 +3,7 @@
 
 #include "control/parity.hpp"
 #include "control/safety_limits.hpp"
+#include "truepose_safety.h"
 
 namespace truepose {
 enum class StartState : int {

@@ -1,5 +1,5 @@
 // What explains the motions of a start-up test: a healthy robot, or one miswiring.
-#include "control/start_evidence.hpp"
+#include "safety/start_evidence.hpp"
 
 namespace truepose::start_detail {
 bool same_unit(const Robot& robot, int a, int b) {

@@ -1,7 +1,7 @@
 // A simulated robot in its start-up test, with brakes that open, and wires that are exchanged.
 #pragma once
 
-#include "control/start_test.hpp"
+#include "safety/start_test.hpp"
 #include "safety_bench.hpp"
 
 namespace mechanisms {

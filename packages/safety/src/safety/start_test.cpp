@@ -1,9 +1,9 @@
 // The start-up test: proves every reading before a law may act.
-#include "control/start_test.hpp"
+#include "safety/start_test.hpp"
 
 #include "control/dynamics.hpp"
-#include "control/start_pulse.hpp"
-#include "control/start_rest.hpp"
+#include "safety/start_pulse.hpp"
+#include "safety/start_rest.hpp"
 
 namespace truepose {
 namespace start_detail {

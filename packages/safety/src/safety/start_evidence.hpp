@@ -9,8 +9,8 @@
 // tenth of its size count: inertia, brake times and the give of a brake are hardly known.
 #pragma once
 
-#include "control/start_states.hpp"
 #include "math/chi2.hpp"
+#include "safety/start_states.hpp"
 
 namespace truepose::start_detail {
 inline constexpr Real kGive = 0.15;   ///< of other motors' closed brakes, over s (assumed)

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "control/safety_defaults.hpp"
-#include "control/start_test.hpp"
+#include "safety/start_test.hpp"
 #include "simulation/effects.hpp"
 #include "simulation/faults.hpp"
 

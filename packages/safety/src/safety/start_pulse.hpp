@@ -1,7 +1,7 @@
 // Push and opening time of a start-up test's pulses, within the bound of the platform's motion.
 #pragma once
 
-#include "control/start_states.hpp"
+#include "safety/start_states.hpp"
 
 namespace truepose::start_detail {
 inline constexpr Real kSafe = 0.85;  ///< of the bound, for open brakes

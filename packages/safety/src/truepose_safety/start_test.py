@@ -1,4 +1,7 @@
-"""Start-up test of a simulated robot: proves every reading before a law may act."""
+"""Start-up test of a simulated robot: proves every reading before a law may act.
+
+Experimental and uncertified.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +28,7 @@ from truepose.robot.robot import Robot
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import printed
+from truepose_safety._safety import simulate_start
 
 #: What a finding says; `{a}` and `{b}` are its readings, `{motor}` its motor.
 _SAID = {
@@ -53,7 +57,7 @@ _MOST = 2e-3  # m, largest motion: more could hit something before the readings 
 
 @dataclass(frozen=True, repr=False)
 class StartTest(Shown):
-    """Result of :func:`truepose.simulation.start_test`. Units m, s, N·m or N.
+    """Result of :func:`truepose_safety.start_test`. Units m, s, N·m or N.
 
     Printed: what was found, the motion, and the scale of every reading.
     """
@@ -163,11 +167,12 @@ def start_test(
     Examples
     --------
     >>> import truepose as tp
+    >>> from truepose_safety import start_test
     >>> h4 = tp.load("h4")
     >>> swapped = tp.faults.Fault("q1", "swap", other="q2")
-    >>> tp.simulation.start_test(h4, faults=[swapped]).said
+    >>> start_test(h4, faults=[swapped]).said
     'q1 and q2 are exchanged'
-    >>> tp.simulation.start_test(h4).passed
+    >>> start_test(h4).passed
     True
     """
     if robot.m > robot.n:
@@ -186,18 +191,16 @@ def start_test(
     else:
         warn_if_for_rigid(robot, controller, effects)
     pose = as_row(robot, robot.home if start is None else start, "start")
-    settings = _core.StartSettings()
-    settings.motion, settings.pairs = motion, pairs
     plant = _core.Effects()
     if effects is not None:
         truth, plant = effects.geometry(truth, 0.0, seed), effects.plant(truth, seed)
-        settings.friction = plant.friction
     finest = robot.at_highest_level
-    report, moved, torque, seconds, status, part = _core.simulate_start(
+    ran = simulate_start(
         finest.core,
         truth.core,
         controller.settings(robot, pose),
-        settings,
+        motion,
+        pairs,
         knowledge.knowledge(finest).core,
         plant,
         in_core(truth, faults, controller.period),
@@ -206,17 +209,19 @@ def start_test(
         pose,
         check_seed(seed),
     )
+    finding, first, other, candidates, exchangeable, scale, sigma = ran[:7]
+    moved, torque, seconds, status, part = ran[7:]
     if status > 0:
         reason = _core.describe(status)
         if part >= 0 and reason == "no such value":
             said = f"{robot.name}: motor {part + 1}: the test needs a torque limit"
             raise InputError(f"{said}: add torque_limit to its chain")
         raise PoseError(f"{robot.name}: start-up test: {reason}")
-    names, finding = robot.readings, _core.start_findings[report.finding]
-    named = tuple(names[k] for k in (report.part, report.other) if k >= 0)
+    names = robot.readings
+    named = tuple(names[k] for k in (first, other) if k >= 0)
     if "{motor}" in _SAID.get(finding, ""):
-        named = (f"motor {report.part + 1}",)
-    scale, sigma = report.scale[: len(names)], report.sigma[: len(names)]
+        named = (f"motor {first + 1}",)
+    sigma = sigma[: len(names)]
 
     def of(bits: int) -> tuple[str, ...]:
         return tuple(name for k, name in enumerate(names) if bits >> k & 1)
@@ -225,9 +230,9 @@ def start_test(
         robot=robot,
         finding=finding,
         parts=named,
-        candidates=of(report.candidates) if finding == "inconsistent" else (),
-        exchangeable=of(report.exchangeable),
-        scale=scale,
+        candidates=of(candidates) if finding == "inconsistent" else (),
+        exchangeable=of(exchangeable),
+        scale=scale[: len(names)],
         sigma=np.where(sigma > 0, sigma, np.inf),
         moved=moved,
         torque=torque[: robot.n],

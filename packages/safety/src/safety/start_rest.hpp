@@ -2,7 +2,7 @@
 #pragma once
 
 #include "control/law.hpp"
-#include "control/start_states.hpp"
+#include "safety/start_states.hpp"
 
 namespace truepose::start_detail {
 /// χ² of the readings at rest, against geometry, counts and noise; infinite beyond a stop, or

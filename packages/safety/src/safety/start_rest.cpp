@@ -1,5 +1,5 @@
 // Consistency of the readings at rest, before a start-up test has any torque.
-#include "control/start_rest.hpp"
+#include "safety/start_rest.hpp"
 
 namespace truepose::start_detail {
 Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& weighing,
