@@ -404,8 +404,8 @@ static void guard(truepose_corrector* tej, const truepose_corrector_input* input
                                    .stop = !input->enable && safe->follows};
     tej->acknowledging = input->reset || (input->enable && stands && !tej->acknowledging);
     marks.acknowledge = tej->acknowledging;
+    memcpy(now.x, tej->x_d, sizeof now.x);
     for (int i = 0; i < tej->motors; ++i) {
-      now.x[i] = tej->x_d[i];
       now.q_d[i] = input->q_d[i] + input->zero[i];
       now.q[i] = input->q_e[i] + input->zero[i];
       now.error[i] = tej->error[i];

@@ -153,7 +153,10 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
   for_each([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
-    CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
+    const bool square = mechanism.robot.motors == dof(mechanism.robot.mobility);
+    CHECK(truepose_kins_load(kins.get(), &table, 0.001).status ==
+          (square ? TRUEPOSE_OK : TRUEPOSE_NOT_SQUARE));
+    if (!square) return;
     CHECK(truepose_kins_extras(kins.get(), "w"));
     CHECK(!truepose_kins_extras(kins.get(), "x"));
     CHECK(!truepose_kins_extras(kins.get(), "ww"));
@@ -186,7 +189,10 @@ TEST("the forward model starts from the axes it is given, wherever the robot was
   for_each([&](const Mechanism& mechanism) {
     const auto kins = std::make_unique<truepose_kins>();
     const truepose_description table = table_of(mechanism.robot);
-    CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
+    const bool square = mechanism.robot.motors == dof(mechanism.robot.mobility);
+    CHECK(truepose_kins_load(kins.get(), &table, 0.001).status ==
+          (square ? TRUEPOSE_OK : TRUEPOSE_NOT_SQUARE));
+    if (!square) return;
     for (int k = 0; k < 100; ++k) {
       const Coordinates x = random_pose(mechanism, random, 1.0);
       truepose_real q[TRUEPOSE_MOTORS], joints[9] = {}, axes[9] = {}, near[9];
@@ -686,7 +692,9 @@ TEST("inside the shell a machine switches on and off as without, and what stops 
         cycles(1);
       }
       CHECK(loop.corrector->lost == all && loop.corrector->brakes == all);
-      CHECK(loop.corrector->fault == TRUEPOSE_TEJ_SAFETY);
+      // One of more motors than freedoms has no setpoint of its own: the command is no pose.
+      const bool pose = fault != kJump || n == dof(mechanism.robot.mobility);
+      CHECK(loop.corrector->fault == (pose ? TRUEPOSE_TEJ_SAFETY : TRUEPOSE_TEJ_UNSOLVED));
       const int cause = safe.cause;
       CHECK(cause == (fault == kFrozen    ? TRUEPOSE_STOP_STALE_FRAME
                       : fault == kTooFast ? TRUEPOSE_STOP_SETPOINT_SPEED
