@@ -651,58 +651,6 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor*
 /** 1: warm. Only the growth of base, arms and rods explains the readings, within the settings'. */
 TRUEPOSE_API int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor);
 
-/** Constant while external forces are observed: truepose_momentum_defaults(), then adapted. */
-typedef struct truepose_momentum_settings {
-  uint32_t size;           /**< sizeof(truepose_momentum_settings); see the controller's */
-  int32_t carry;           /**< 1: an identified payload is fed forward; default 0 */
-  truepose_real period;    /**< s, of whole control periods */
-  truepose_real bandwidth; /**< rad/s */
-  truepose_real alarm;     /**< chi-square of the residual above which there is a disturbance */
-  truepose_real share;     /**< sigma of masses and torques, as a share of the torque */
-  truepose_real named;     /**< share of the residual that a named cause accounts for, */
-  truepose_real kept;      /**< and one that is named already */
-  truepose_real window;    /**< time constant with which older samples are forgotten, s */
-  truepose_real over;      /**< time below a quarter of `alarm` until a disturbance is over, s */
-  truepose_real sigma[TRUEPOSE_MOTORS]; /**< of unknown friction and counts, N·m or N */
-  truepose_real give[TRUEPOSE_MOTORS];  /**< error at which a loop balances 1 N·m (N), rad or m */
-} truepose_momentum_settings;
-/** @param settings  of the loops; kp alone matters
- * @return NO_SUCH_VALUE (`part`: the motor): without torque limit or gain, `momentum` unchanged */
-TRUEPOSE_API truepose_outcome truepose_momentum_defaults(const truepose_model* model,
-                                                         const truepose_control_settings* settings,
-                                                         truepose_momentum_settings* momentum);
-/** From now on a monitor observes external forces, anew; after truepose_fault_monitor_init().
- * @param momentum  null: it does not
- * @return UNFINISHED, OTHER_VERSION, NOT_FINITE, NO_SUCH_VALUE: the monitor is unchanged */
-TRUEPOSE_API truepose_outcome truepose_fault_monitor_momentum(
-    truepose_fault_monitor* monitor, const truepose_momentum_settings* momentum);
-/** Observes forces where the drives close their own loops: after truepose_fault_monitor_step().
- * truepose_control_fault_tolerant() and truepose_control_safely() include it.
- * @param torque  of the motors in the last control period, n, N·m or N @return UNFINISHED */
-TRUEPOSE_API truepose_outcome
-truepose_fault_monitor_observe(const truepose_model* model, truepose_fault_monitor* monitor,
-                               const truepose_real torque[TRUEPOSE_MOTORS]);
-
-typedef enum truepose_disturbance_kind {
-  TRUEPOSE_NO_DISTURBANCE = 0,
-  TRUEPOSE_PAYLOAD = 1,  /**< a mass at the platform's point D */
-  TRUEPOSE_FRICTION = 2, /**< of one motor, beyond the modelled one */
-  TRUEPOSE_CONTACT = 3   /**< a force on the platform that is neither */
-} truepose_disturbance_kind;
-/** An external force. */
-typedef struct truepose_disturbance {
-  int32_t kind;        /**< a truepose_disturbance_kind */
-  int32_t motor;       /**< of friction, from 0; or -1 */
-  int32_t refused;     /**< 1: the payload is too heavy for the motors, and not fed forward */
-  truepose_real size;  /**< kg; N·m or N of friction; norm of the contact's force */
-  truepose_real sigma; /**< of a payload or friction */
-  truepose_real chi2;  /**< of the residual */
-  truepose_real force[TRUEPOSE_FREEDOMS]; /**< on the platform's coordinates, N and N·m */
-} truepose_disturbance;
-/** The observed disturbance of the last cycle. @return UNFINISHED */
-TRUEPOSE_API truepose_outcome truepose_fault_monitor_disturbance(
-    const truepose_fault_monitor* monitor, truepose_disturbance* disturbance);
-
 /** Time along a path. Start with {0, 1, 0, 0}. */
 typedef struct truepose_path_clock {
   truepose_real time; /**< s along the path */

@@ -74,6 +74,28 @@ def answer(name: str, package: str) -> Callable[[], None]:
     return command
 
 
+def _refuse(gone: dict[str, str], given: dict[str, Any]) -> None:
+    for name in gone.keys() & given.keys():
+        raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
+
+
+def without(**gone: str) -> Callable[[type[T]], type[T]]:
+    """Refuse arguments of a class of 0.5; `gone` has the new place of each."""
+
+    def decorate(made: type[T]) -> type[T]:
+        init = made.__init__
+
+        @functools.wraps(init)
+        def refuse(self: T, *args: Any, **given: Any) -> None:
+            _refuse(gone, given)
+            init(self, *args, **given)
+
+        setattr(made, "__init__", refuse)  # noqa: B010 – mypy refuses the plain assignment
+        return made
+
+    return decorate
+
+
 def grouped(
     group: type, argument: str = "options", /, **gone: str
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
@@ -86,8 +108,7 @@ def grouped(
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @functools.wraps(function)
         def call(*args: Any, **given: Any) -> T:
-            for name in gone.keys() & given.keys():
-                raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
+            _refuse(gone, given)
             if older := {name: given.pop(name) for name in sorted(names & given.keys())}:
                 said = f"{', '.join(older)}: since 0.6 in {argument}={group.__name__}(…)"
                 warnings.warn(said, DeprecationWarning, stacklevel=2)

@@ -1,5 +1,4 @@
 // Controllers, fault monitor and safety shell for Python. No mathematics.
-#include "control/momentum_defaults.hpp"
 #include "control/safety_defaults.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
@@ -124,15 +123,12 @@ struct ExternalControl {
 void bind_control(nb::module_& m) { m.def("settle", &settled); }
 
 void bind_safety(nb::module_& m) {
+  nb::class_<Supervisor>(m, "Supervisor");  // of packages
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
-      .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&,
-                    const MomentumSettings&, const Delays&>())
+      .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&, Optional<Supervisor>,
+                    const Delays&>(),
+           nb::keep_alive<1, 5>())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
-  m.def("default_momentum", [](const Robot& robot, const ControlSettings& of) {
-    MomentumSettings derived;
-    const Outcome outcome = default_momentum(robot, of, derived);
-    return answered(outcome, derived);
-  });
   m.def("review", &review);
   nb::class_<Safety>(m, "Safety").def(nb::init<const SafetyLimits&, bool>());
   m.def("default_limits", [](const Robot& robot, const ControlSettings& settings) {

@@ -279,8 +279,8 @@ void enumeration(nb::module_& m, const char* name, const std::vector<const char*
 
 void bind_structs(nb::module_& m) {
   bind_tables(m);
-  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MomentumSettings,
-             MultirateSettings, SafetyLimits, SafetyReport>(m);
+  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MultirateSettings,
+             SafetyLimits, SafetyReport>(m);
   structure<engine::Body>(
       m, "MechanismBody",
       TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));

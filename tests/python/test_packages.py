@@ -8,6 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import truepose as tp
 from truepose import moved
 from truepose.exceptions import InputError
 
@@ -45,6 +46,11 @@ def test_a_command_of_a_package_that_is_not_installed_states_how_to_install_it(c
 def test_a_module_that_moved_states_where_to(old, new):
     with pytest.raises(ModuleNotFoundError, match=new):
         importlib.import_module(f"{old}.any")
+
+
+def test_an_argument_that_moved_states_where_to():
+    with pytest.raises(InputError, match=r"carry: is not an argument since 0.6; use forces="):
+        tp.FaultMonitor(carry=True)
 
 
 @pytest.mark.parametrize("module", moved.NAMES)

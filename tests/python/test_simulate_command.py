@@ -136,6 +136,11 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
         (("--duration", "0"), "duration = 0.0: must be"),
         (("--duration", "1", "--circle", "0.05,2"), "--duration: --circle and a --path with times"),
         (("--fault", "theta:stuck@1"), "theta:stuck@1: begins after the end of the run, 0.4 s"),
+        (("--forces",), "--forces: only with --monitor"),
+        (
+            ("--monitor", "--forces"),
+            "--forces: the observer of external forces is in the package truepose-safety",
+        ),
         (
             ("--start-test", "--fault", "q1:swap=q2"),
             "--start-test: truepose start-test ROBOT is in the package truepose-safety",

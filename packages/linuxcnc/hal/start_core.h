@@ -9,7 +9,6 @@
 #define TRUEPOSE_LINUXCNC_START_CORE_H
 
 #include "tej_core.h"
-#include "truepose_safety.h"
 
 typedef struct truepose_starter_input {
   int32_t request;      /**< its rising edge begins a test */

@@ -16,8 +16,9 @@ from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError, PoseError
-from truepose.faults.monitor import FaultMonitor
+from truepose.faults.monitor import FaultMonitor, Supervising
 from truepose.logs.reading import read_poses, read_samples
+from truepose.plugins import plugins
 from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
@@ -86,6 +87,12 @@ def command(
     monitor: bool = Option(
         False, "--monitor", help="Fault monitor: continue or stop when a reading is faulty."
     ),
+    forces: bool = Option(
+        False,
+        "--forces",
+        help="With --monitor: observe external forces, which names payloads, friction and "
+        "contacts (package truepose-safety).",
+    ),
     safety: bool = Option(
         False,
         "--safety",
@@ -148,7 +155,10 @@ def command(
         disturbances=disturbances,
         safety=SafetyShell(effects=forgotten) if safety else None,
     )
-    watching = FaultMonitor(effects=forgotten) if monitor else None
+    if forces and not monitor:
+        raise InputError("--forces: only with --monitor")
+    observer = _observer() if forces else None
+    watching = FaultMonitor(effects=forgotten, forces=observer) if monitor else None
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, tuple):
@@ -186,6 +196,13 @@ def command(
     who = ", ".join([who, *wrong, *map(str, disturbances)])
     answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))
+
+
+def _observer() -> Supervising:
+    """Return the observer of external forces of an installed package."""
+    if (found := plugins("supervisors").get("forces")) is None:
+        raise InputError(moved.where("--forces: the observer of external forces", "safety"))
+    return found.load()()  # type: ignore[no-any-return]
 
 
 def _controller(

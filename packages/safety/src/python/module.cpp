@@ -1,7 +1,8 @@
-// The Python module of the start-up test. No mathematics.
+// The Python module of start-up test and momentum observer. No mathematics.
 #include "control/safety_defaults.hpp"
 #include "offline/start_simulation.hpp"
 #include "python/held.hpp"
+#include "safety/momentum_defaults.hpp"
 
 namespace truepose::python {
 namespace {
@@ -30,7 +31,23 @@ auto simulated(const Robot& robot, const Robot& truth, const ControlSettings& co
                   report.other, report.candidates, report.exchangeable, report.scale, report.sigma,
                   run.moved, run.torque, run.seconds);
 }
+
+/// The observer of a robot under a controller; None: a motor has no torque limit.
+/// @param carry  whether an identified payload is fed forward
+std::optional<MomentumSupervisor> momentum(const Robot& robot, const ControlSettings& control,
+                                           bool carry) {
+  MomentumSettings settings;
+  if (!default_momentum(robot, control, settings)) return {};
+  settings.carry = carry;
+  return MomentumSupervisor(settings);
+}
 }  // namespace
 }  // namespace truepose::python
 
-NB_MODULE(_safety, m) { m.def("simulate_start", &truepose::python::simulated); }
+NB_MODULE(_safety, m) {
+  using namespace truepose;
+  python::nb::module_::import_("truepose._core");  // has the classes of arguments, and Supervisor
+  m.def("simulate_start", &python::simulated);
+  python::nb::class_<MomentumSupervisor, Supervisor>(m, "Momentum");
+  m.def("momentum", &python::momentum);
+}

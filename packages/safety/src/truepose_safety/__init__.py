@@ -1,5 +1,6 @@
-"""Start-up test of a robot's readings. Experimental and uncertified."""
+"""Start-up test and momentum observer. Experimental and uncertified."""
 
+from truepose_safety.forces import MomentumObserver
 from truepose_safety.start_test import StartTest, start_test
 
-__all__ = ["StartTest", "start_test"]
+__all__ = ["MomentumObserver", "StartTest", "start_test"]

@@ -1,5 +1,5 @@
 // Settings of the momentum observer from a robot and its controller.
-#include "control/momentum_defaults.hpp"
+#include "safety/momentum_defaults.hpp"
 
 namespace truepose {
 Outcome default_momentum(const Robot& robot, const ControlSettings& settings,

@@ -1,7 +1,6 @@
 // External forces observed from torques and motor readings, and their causes.
-#include "control/momentum_defaults.hpp"
-#include "control/momentum_observer.hpp"
 #include "controllers.hpp"
+#include "safety/momentum_defaults.hpp"
 #include "simulation/effects.hpp"
 
 using namespace mechanisms;

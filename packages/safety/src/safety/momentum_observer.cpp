@@ -1,5 +1,5 @@
 // Observer of the generalised momentum: external forces, and what causes them.
-#include "control/momentum_observer.hpp"
+#include "safety/momentum_observer.hpp"
 
 namespace truepose::momentum_detail {
 void filter(Real gain, const Joint& input, Joint& once, Joint& twice) {
@@ -239,5 +239,31 @@ void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
   }
   for (int i = 0; i < m && !state.refused; ++i)
     torque[i] = limited(robot.chain[i], torque[i] + state.size * more[i]);
+}
+
+void observe_forces(const Robot& robot, const MomentumSettings& settings, Real period, bool moves,
+                    const Joint& torque, FaultMonitor& monitor, MomentumObserver& state) {
+  const int n = robot.motors;
+  bool observed = moves;
+  for (int i = 0; i < n; ++i)
+    observed =
+        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
+  if (!observed) {
+    state = {};
+  } else {  // the observer takes several periods as one, and works in each of them
+    const Real several = settings.period / period;
+    const int every = several > 1 && several < 100 ? static_cast<int>(several + Real(0.5)) : 1;
+    for (int i = 0; i < n; ++i) state.sum[i] += torque[i];
+    if (++state.waited >= every) {
+      Joint mean{};
+      for (int i = 0; i < n; ++i) mean[i] = state.sum[i] / static_cast<Real>(every);
+      state.sum = {};
+      state.waited = 0;
+      sample_momentum(robot, settings, monitor.pose, mean, state);
+    }
+    for (int done = 0; done < kMomentumSteps; done += every)
+      static_cast<void>(observe_momentum(robot, settings, state));
+  }
+  for (int i = 0; i < n; ++i) monitor.pushed[i] = std::fabs(state.residual[i]) * settings.give[i];
 }
 }  // namespace truepose

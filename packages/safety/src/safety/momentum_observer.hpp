@@ -20,17 +20,10 @@
 
 #include <algorithm>
 
-#include "control/control.hpp"
+#include "control/supervisor.hpp"
+#include "truepose_safety.h"
 
 namespace truepose {
-/// Cause of an external force.
-enum class Disturbance : int {
-  none = 0,
-  payload = 1,   ///< a mass at D
-  friction = 2,  ///< of one motor or of all alike, beyond the modelled one
-  contact = 3,   ///< a force on the platform that is neither
-};
-
 /// Constant during a run. The defaults are assumed; a healthy robot stays below `alarm`.
 struct MomentumSettings {
   std::uint32_t size = sizeof(truepose_momentum_settings);  ///< for the C interface
@@ -60,17 +53,6 @@ struct Cause {
 /// named one.
 inline constexpr Real kRests = 0.5, kSticks = 1.5;
 inline constexpr int kMomentumSteps = 4;  ///< in which the work on a sample is done
-
-/// Report on external forces.
-struct DisturbanceReport {
-  Disturbance disturbance = Disturbance::none;
-  int motor = -1;       ///< of friction, from 0; -1: of all motors
-  int refused = false;  ///< 1: payload too heavy for the motors: it is not fed forward
-  Real size = 0;        ///< kg, N·m (N) of friction, or the norm of the contact's force
-  Real sigma = 0;       ///< of a payload or friction
-  Real chi2 = 0;        ///< of the residual
-  Coordinates force{};  ///< f, external force of the platform's coordinates, N and N·m
-};
 
 /// State and report. Plain data, the caller's; a new one starts afresh.
 struct MomentumObserver : DisturbanceReport {
@@ -134,4 +116,27 @@ Outcome observe_momentum(const Robot& robot, const MomentumSettings& settings,
 /// weight and the robot's, nothing is added and `refused` is set.
 void add_payload_torque(const Robot& robot, const MomentumSettings& settings,
                         const Setpoint& setpoint, MomentumObserver& state, Joint& torque);
+
+/// Observes forces after monitor_faults(), while every motor is read and no brake acts.
+/// @param torque  applied in the last control period
+void observe_forces(const Robot& robot, const MomentumSettings& settings, Real period, bool moves,
+                    const Joint& torque, FaultMonitor& monitor, MomentumObserver& state);
+
+/// The observer in the fault-tolerant controller. Its functions are inline: the library, compiled
+/// without type information, has none of its own of this class.
+struct MomentumSupervisor final : Supervisor {
+  MomentumSettings settings;
+  MomentumObserver state;
+
+  explicit MomentumSupervisor(const MomentumSettings& of = {}) : settings(of) {}
+  void observe(const Robot& robot, Real period, bool moves, const Joint& torque,
+               FaultMonitor& monitor) TRUEPOSE_BOUNDED override {
+    observe_forces(robot, settings, period, moves, torque, monitor, state);
+  }
+  void answered(const Robot& robot, const Setpoint& setpoint,
+                Joint& torque) TRUEPOSE_BOUNDED override {
+    add_payload_torque(robot, settings, setpoint, state, torque);
+  }
+  const DisturbanceReport& disturbance() const TRUEPOSE_BOUNDED override { return state; }
+};
 }  // namespace truepose

@@ -1,8 +1,8 @@
 // Settings of the momentum observer from a robot and its controller.
 #pragma once
 
-#include "control/momentum_observer.hpp"
 #include "control/safety_defaults.hpp"
+#include "safety/momentum_observer.hpp"
 
 namespace truepose {
 /// Settings for a robot whose motors all have a torque limit, at home (all assumed):
