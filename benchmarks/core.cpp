@@ -232,8 +232,6 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
   FaultTolerantSettings monitoring;
   monitoring.monitor.fastest.fill(500);
   monitoring.monitor.moved.fill(2e-3);
-  monitoring.momentum.period = 4e-3;  // as FaultMonitor's: every fourth cycle
-  monitoring.momentum.sigma.fill(50);
   prepare(monitoring.monitor);
   FaultMonitor seen;
   usual("H4 fault monitor", [&](int i) {

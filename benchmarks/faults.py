@@ -8,9 +8,10 @@ faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
 faults.py consequences                   # docs/fault-consequences.md
 
-Robots calibrated themselves on readings at 100 poses. Errors are relative to the same run without
-a fault. Delays count from the first cycle in which the reading is off by the limit of
-`tp.faults.detectability` (median over the path), under `monitor` from the fault on.
+Needs the package truepose-safety. Robots calibrated themselves on readings at 100 poses. Errors are
+relative to the same run without a fault. Delays count from the first cycle in which the reading is
+off by the limit of `tp.faults.detectability` (median over the path), under `monitor` from the fault
+on.
 """
 
 from collections import Counter, defaultdict
@@ -47,6 +48,13 @@ PICKED = 0.05  #: s, start of noise and payloads
 SLOW = 0.01  #: m/s, from which on stops are compared with the printed distance
 Fault, Disturbance, Shell = tp.faults.Fault, tp.faults.Disturbance, tp.control.SafetyShell
 Run = tp.simulation.Run
+
+
+def monitoring(carry: bool = False, **options: object) -> tp.FaultMonitor:
+    """Return a fault monitor with an observer of external forces."""
+    from truepose_safety import MomentumObserver
+
+    return tp.FaultMonitor(forces=MomentumObserver(carry=carry), **options)
 
 
 def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[tp.Robot, tp.Robot]:
@@ -113,7 +121,7 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
         if not limit < MOST:  # a bias of it is undetectable
             continue
         for (kind, fault), monitor in product(
-            faults_of(robot, reading, limit).items(), (tp.FaultMonitor(), None)[: 1 + shells]
+            faults_of(robot, reading, limit).items(), (monitoring(), None)[: 1 + shells]
         ):
             ran = run(faults=fault, monitor=monitor)
             alone = _core.FaultyReadings(in_core(robot, fault, controller.period), 1e-3)
@@ -255,7 +263,7 @@ def healthy(seconds: float, task: tuple[int, str]) -> tuple:
         control = tp.Controller.for_robot(robot, effects, ("joint", "estimated")[seed % 2])
         run = tp.simulate(
             robot, truth, control, path=way(robot, int(seconds / 0.7) + 2, seed, 0.7),
-            effects=effects, monitor=tp.FaultMonitor(effects=effects),
+            effects=effects, monitor=monitoring(effects=effects),
             run=Run(seed=seed, safety=Shell(effects=effects),
                     disturbances=disturbances(robot, kind, seed)),
         )  # fmt: skip
@@ -304,7 +312,7 @@ def rates(seconds: float, task: tuple[str, int]) -> list[int]:
     except tp.PoseError:
         return [0] * (1 + len(CHANCES))
     pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
-    monitors = [tp.FaultMonitor(false_alarms=chance * 3.6e6) for chance in CHANCES]
+    monitors = [monitoring(false_alarms=chance * 3.6e6) for chance in CHANCES]
     alarms = (
         sum(bool(monitor.review(robot, piece).health.any()) for piece in pieces)
         for monitor in monitors
@@ -353,9 +361,7 @@ def noise(robots: int) -> None:
             usual = run()
             for reading in ("q1", *SETS[which][1]):
                 for name, faults in kinds(robot, reading).items():
-                    without, ran = (
-                        run(faults=faults, monitor=m) for m in (None, tp.FaultMonitor())
-                    )
+                    without, ran = (run(faults=faults, monitor=m) for m in (None, monitoring()))
                     failed = len(ran.failed) + int(ran.stops.any())
                     case = beyond(without, usual), beyond(ran, usual), failed
                     cases[reading, name].append(case)
@@ -377,8 +383,8 @@ def payload(robots: int) -> None:
                 tp.simulate(*pair, run=run, monitor=monitor)
                 for run, monitor in (
                     (still, None),
-                    (picked, tp.FaultMonitor()),
-                    (picked, tp.FaultMonitor(carry=True)),
+                    (picked, monitoring()),
+                    (picked, monitoring(carry=True)),
                 )
             )
             sag.append([1e3 * np.linalg.norm((ran.x - usual.x)[-1, :3]) for ran in runs])
@@ -405,7 +411,7 @@ def consequences() -> None:
         cells, monitored = [], []
         for law in LAWS:
             texts = []
-            for monitor in (None, tp.FaultMonitor()):
+            for monitor in (None, monitoring()):
                 runs = []
                 for start, end, at in ways:
                     other = {"theta": "q1", "q1": "q2"}[reading] if kind == "swap" else None

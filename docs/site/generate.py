@@ -20,8 +20,9 @@ from truepose.robotfile.schema import RobotFile
 SOURCES = Path(__file__).parents[2] / "src"
 #: Rooms of the library, each on the ones before it.
 ROOMS = ("math", "mechanism", "estimation", "control", "c", "calibration", "simulation", "python")
-#: Public headers: of C for controllers and for computers without a deadline, and of C++.
-C_HEADERS = ("truepose.h", "calibrate.h")
+#: Public headers: of C for controllers, for computers without a deadline, of the package safety;
+#: and of C++.
+C_HEADERS = ("truepose.h", "calibrate.h", "truepose_safety.h")
 CPP_HEADERS = ("truepose.hpp", "status.hpp", "sizes.hpp")
 
 #: Words for the types of a JSON schema.

@@ -22,6 +22,7 @@ COMMANDS = {
     "life": "life",
     "maslow": "sleds",
     "reproduce": "paper",
+    "start-test": "safety",
     "view": "mujoco",
     "workbench": "workbench",
 }
@@ -38,11 +39,19 @@ MODULES = {
     "truepose.integrations.maslow": "truepose_sleds",
     "truepose.integrations.workbench": "truepose_workbench",
     "truepose.paper": "truepose_paper",
+    "truepose.simulation.start_test": "truepose_safety.start_test",
     "truepose.studies.life": "truepose_life.cycle",
     "truepose.studies.life_bound": "truepose_life.bound",
     "truepose.studies.life_events": "truepose_life.events",
     "truepose.studies.life_rates": "truepose_life.rates",
     "truepose.studies.life_report": "truepose_life.report",
+}
+#: New name of each name of a module that moved.
+NAMES = {
+    "truepose.simulation": {
+        "StartTest": "truepose_safety.StartTest",
+        "start_test": "truepose_safety.start_test",
+    }
 }
 
 
@@ -63,6 +72,28 @@ def answer(name: str, package: str) -> Callable[[], None]:
     return command
 
 
+def _refuse(gone: dict[str, str], given: dict[str, Any]) -> None:
+    for name in gone.keys() & given.keys():
+        raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
+
+
+def without(**gone: str) -> Callable[[type[T]], type[T]]:
+    """Refuse arguments of a class of 0.5; `gone` has the new place of each."""
+
+    def decorate(made: type[T]) -> type[T]:
+        init = made.__init__
+
+        @functools.wraps(init)
+        def refuse(self: T, *args: Any, **given: Any) -> None:
+            _refuse(gone, given)
+            init(self, *args, **given)
+
+        setattr(made, "__init__", refuse)  # noqa: B010 – mypy refuses the plain assignment
+        return made
+
+    return decorate
+
+
 def grouped(
     group: type, argument: str = "options", /, **gone: str
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
@@ -75,8 +106,7 @@ def grouped(
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         @functools.wraps(function)
         def call(*args: Any, **given: Any) -> T:
-            for name in gone.keys() & given.keys():
-                raise InputError(f"{name}: is not an argument since 0.6; use {gone[name]}")
+            _refuse(gone, given)
             if older := {name: given.pop(name) for name in sorted(names & given.keys())}:
                 said = f"{', '.join(older)}: since 0.6 in {argument}={group.__name__}(…)"
                 warnings.warn(said, DeprecationWarning, stacklevel=2)
@@ -94,10 +124,23 @@ class _Moved:
     @staticmethod
     def find_spec(name: str, *_: object) -> None:
         if new := MODULES.get(name):
-            package = new.partition(".")[0].replace("_", "-")
-            raise ModuleNotFoundError(f"{name} is {new} now, in the package {package}", name=name)
+            raise ModuleNotFoundError(_now(name, new), name=name)
+
+
+def _now(name: str, new: str) -> str:
+    package = new.partition(".")[0].replace("_", "-")
+    return f"{name} is {new} now, in the package {package}"
 
 
 def answer_imports() -> None:
-    """Let imports of modules that moved fail with their new name."""
+    """Let imports of modules and names that moved fail with their new name."""
     sys.meta_path.append(_Moved())
+    for module in NAMES:
+        vars(sys.modules[module])["__getattr__"] = functools.partial(_absent, module)
+
+
+def _absent(module: str, name: str) -> None:
+    """Raise the error of a name that a module does not have."""
+    if new := NAMES[module].get(name):
+        raise AttributeError(_now(f"{module}.{name}", new))
+    raise AttributeError(f"module {module!r} has no attribute {name!r}")

@@ -1,10 +1,11 @@
 """Optional packages, and entry points of integrations: commands, log formats and clusters.
 
 Groups: ``truepose.commands`` (a function or a typer app; ``export.NAME`` adds to a group),
-``truepose.studies`` (a function of a study), ``truepose.log_formats`` (a module with ``MAGIC``,
-``read`` and ``write``; named by its ending) and
-``truepose.clusters`` (a context manager that yields a function to submit a task, and the number of
-workers). The core imports no integration.
+``truepose.studies`` (a function of a study), ``truepose.supervisors`` (``forces``: a class of
+:class:`truepose.faults.monitor.Supervising` objects), ``truepose.log_formats`` (a module with
+``MAGIC``, ``read`` and ``write``; named by its ending) and ``truepose.clusters`` (a context manager
+that yields a function to submit a task, and the number of workers). The core imports no
+integration.
 """
 
 from importlib.metadata import EntryPoint, entry_points

@@ -13,7 +13,6 @@
 #include "control/fault_tolerant_control.hpp"
 #include "control/joints.hpp"
 #include "control/safe_control.hpp"
-#include "control/start_test.hpp"
 #include "estimation/estimate.hpp"
 #include "truepose/truepose.h"
 
@@ -129,25 +128,17 @@ TRUEPOSE_TABLE(truepose_control_settings, ControlSettings, size, law, gains, fee
 TRUEPOSE_TABLE(truepose_fault_monitor_settings, FaultMonitorSettings, size, refresh, coast, decide,
                spikes, within, period, false_alarm, replaceable, correlation, stop, stop_lost, held,
                fastest, moved, kp, kd, rests, shaken, low, high, growth, memory)
-TRUEPOSE_TABLE(truepose_momentum_settings, MomentumSettings, size, carry, period, bandwidth, alarm,
-               share, named, kept, window, over, sigma, give)
 TRUEPOSE_TABLE(truepose_multirate_settings, MultirateSettings, size, stamped, every, age, period,
                sensitivity)
 TRUEPOSE_TABLE(truepose_safety_limits, SafetyLimits, size, window, age, counter_bits, period,
                saturation, clipped, missing, held, stop, brake, standstill, torque, slew, tracking,
                deviation, speed, count, still, kp, kd, rests, low, high, box_low, box_high)
-TRUEPOSE_TABLE(truepose_start_settings, StartSettings, size, pairs, motion, radius, pulse, settle,
-               brake_opens, inertia, weight, false_alarm, friction)
 TRUEPOSE_TABLE(truepose_servo_cycle, ServoCycle, q_d, error, J, tej, x)
 TRUEPOSE_TABLE(truepose_axis_state, AxisState, position, velocity, torque)
 TRUEPOSE_TABLE(truepose_setpoint, Setpoint, x, rate, acceleration)
 TRUEPOSE_TABLE(truepose_path_clock, PathClock, time, rate, slowing, since)
-TRUEPOSE_TABLE(truepose_disturbance, DisturbanceReport, kind, motor, refused, size, sigma, chi2,
-               force)
 TRUEPOSE_TABLE(truepose_safety_report, SafetyReport, state, cause, part, refused, causes, brakes,
                follows, unused, path_stop, torque)
-TRUEPOSE_TABLE(truepose_start_report, StartReport, state, finding, part, other, candidates,
-               exchangeable, brakes, motor, torque, scale, sigma)
 
 // Parts of a robot are arrays of the structs above.
 static_assert(offsetof(truepose_description, sensor) == offsetof(Robot, sensor) &&

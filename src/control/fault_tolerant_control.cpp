@@ -39,8 +39,10 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   const Outcome monitored = monitor_faults(
       fault_settings.finest ? *fault_settings.finest : robot, fault_settings.monitor, weighing,
       fault_state.asked ? fault_state.q_d : motors_of(robot, q_e), q_e, monitor, believed, late);
-  observe_forces(robot, fault_settings, settings.period, monitored && state.started, state.torque,
-                 fault_state);
+  Supervisor* const supervisor = fault_settings.supervisor;
+  if (supervisor)
+    supervisor->observe(robot, settings.period, monitored && state.started && !fault_state.stops,
+                        state.torque, monitor);
   const std::uint32_t all = bit(n) - 1;
   const bool held = fault_state.brakes == all;
   fault_state.stops = fault_state.stops || monitor.undecided || monitor.lost != 0;
@@ -77,9 +79,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
     const Weighing reweighed{&fault_state.known, weighing.work, weighing.kept};
     outcome = control(robot, now, setpoint, believed, state, reweigh ? reweighed : weighing);
   }
-  if (outcome)
-    add_payload_torque(robot, fault_settings.momentum, setpoint, fault_state.observer,
-                       state.torque);
+  if (outcome && supervisor) supervisor->answered(robot, setpoint, state.torque);
   if (outcome) fault_state.q_d = state.q_d;
   fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
@@ -110,34 +110,5 @@ void release(FaultTolerantState& fault_state) {
   fault_state.stops = false;
   fault_state.brakes = 0;
   fault_state.stop = fault_state.unanswered = fault_state.stopping = 0;
-}
-
-void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
-                    bool moves, const Joint& torque, FaultTolerantState& state) {
-  const int n = robot.motors;
-  FaultMonitor& monitor = state.monitor;
-  MomentumObserver& observer = state.observer;
-  bool observed = moves && !state.stops;
-  for (int i = 0; i < n; ++i)
-    observed =
-        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
-  if (!observed) {
-    observer = {};
-  } else {  // the observer takes several periods as one, and works in each of them
-    const Real several = settings.momentum.period / period;
-    const int every = several > 1 && several < 100 ? static_cast<int>(several + Real(0.5)) : 1;
-    for (int i = 0; i < n; ++i) observer.sum[i] += torque[i];
-    if (++observer.waited >= every) {
-      Joint mean{};
-      for (int i = 0; i < n; ++i) mean[i] = observer.sum[i] / static_cast<Real>(every);
-      observer.sum = {};
-      observer.waited = 0;
-      sample_momentum(robot, settings.momentum, monitor.pose, mean, observer);
-    }
-    for (int done = 0; done < kMomentumSteps; done += every)
-      static_cast<void>(observe_momentum(robot, settings.momentum, observer));
-  }
-  for (int i = 0; i < n; ++i)
-    monitor.pushed[i] = std::fabs(observer.residual[i]) * settings.momentum.give[i];
 }
 }  // namespace truepose

@@ -4,9 +4,7 @@
 // there is no substitute, or the fault is not isolated, the robot stops on its path.
 #pragma once
 
-#include "control/control.hpp"
-#include "control/fault_monitor.hpp"
-#include "control/momentum_observer.hpp"
+#include "control/supervisor.hpp"
 
 namespace truepose {
 /// Time along a path: runs in real time until the robot must stop.
@@ -26,8 +24,8 @@ struct PathClock {
 /// Constant during a run.
 struct FaultTolerantSettings {
   FaultMonitorSettings monitor;
-  MomentumSettings momentum;      ///< of the observer of disturbances
-  const Robot* finest = nullptr;  ///< model for the fault monitor; nullptr: the law's
+  const Robot* finest = nullptr;     ///< model for the fault monitor; nullptr: the law's
+  Supervisor* supervisor = nullptr;  ///< a package's; nullptr: none
 };
 
 /// State and report of the controller, owned by the caller; a new one starts afresh.
@@ -43,7 +41,6 @@ struct FaultTolerantState {
   bool asked = false;   ///< whether there was a setpoint,
   Joint q_d{};          ///< and the last one, also of a law that starts anew
   Knowledge known{};    ///< with large σ for excluded readings
-  MomentumObserver observer;
 };
 
 /// Lets the robot move: a new PathClock leads it from where it stands. What the fault monitor still
@@ -55,11 +52,6 @@ void acknowledge(FaultTolerantState& fault_state, int reading);
 
 /// σ of an excluded reading, over its own.
 inline constexpr Real kDisbelieved = 1e4;
-
-/// Observes forces after monitor_faults(), while every motor is read and no brake acts.
-/// @param torque  applied in the last control period
-void observe_forces(const Robot& robot, const FaultTolerantSettings& settings, Real period,
-                    bool moves, const Joint& torque, FaultTolerantState& state);
 
 /// Runs one cycle: control() with the readings monitored.
 ///

@@ -1,11 +1,9 @@
-// Controllers, fault monitor, safety shell and start-up test for Python. No mathematics.
-#include "control/momentum_defaults.hpp"
+// Controllers, fault monitor and safety shell for Python. No mathematics.
 #include "control/safety_defaults.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"
 #include "simulation/simulate.hpp"
-#include "simulation/start_simulation.hpp"
 #include "simulation/statics.hpp"
 
 namespace truepose::python {
@@ -120,40 +118,17 @@ struct ExternalControl {
     return answered(outcome);
   }
 };
-
-/// The report, the platform's motion, each motor's largest torque, and the duration.
-auto run_start(const Robot& robot, const Robot& truth, const ControlSettings& control,
-               const StartSettings& settings, const Known& known, const Effects& effects,
-               const std::vector<Fault>& faults, bool incremental, bool referenced,
-               const Coordinates& start, std::uint64_t seed) {
-  SafetyLimits limits;
-  SimulatedStart run;
-  Outcome outcome;
-  {
-    nb::gil_scoped_release release;
-    const Weights weights(robot, &known);
-    outcome = default_limits(robot, control, limits);
-    if (outcome)
-      outcome = simulate_start(robot, truth, settings, limits, weights, effects,
-                               {faults, incremental, referenced, start, seed}, run);
-  }
-  const StartReport& report = run.test;
-  return answered(outcome, report, run.moved, run.torque, run.seconds);
-}
 }  // namespace
 
 void bind_control(nb::module_& m) { m.def("settle", &settled); }
 
 void bind_safety(nb::module_& m) {
+  nb::class_<Supervisor>(m, "Supervisor");  // of packages
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
-      .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&,
-                    const MomentumSettings&, const Delays&>())
+      .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&, Optional<Supervisor>,
+                    const Delays&>(),
+           nb::keep_alive<1, 5>())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
-  m.def("default_momentum", [](const Robot& robot, const ControlSettings& of) {
-    MomentumSettings derived;
-    const Outcome outcome = default_momentum(robot, of, derived);
-    return answered(outcome, derived);
-  });
   m.def("review", &review);
   nb::class_<Safety>(m, "Safety").def(nb::init<const SafetyLimits&, bool>());
   m.def("default_limits", [](const Robot& robot, const ControlSettings& settings) {
@@ -181,6 +156,5 @@ void bind_safety(nb::module_& m) {
                      return own.safety ? own.shell.torque : own.state.torque;
                    })
       .def_prop_ro("report", [](const ExternalControl& own) -> SafetyReport { return own.shell; });
-  m.def("simulate_start", &run_start);
 }
 }  // namespace truepose::python

@@ -97,9 +97,12 @@ struct FaultTolerantSetup {
   Delays late;
 
   FaultTolerantSetup(const Robot& monitored, const Known& knowledge,
-                     const FaultMonitorSettings& monitor, const MomentumSettings& momentum,
+                     const FaultMonitorSettings& monitor, Optional<Supervisor> supervisor,
                      const Delays& slow)
-      : robot(monitored), known(knowledge), settings{monitor, momentum, &robot}, late(slow) {
+      : robot(monitored),
+        known(knowledge),
+        settings{monitor, &robot, supervisor.value_or(nullptr)},
+        late(slow) {
     prepare(settings.monitor);
   }
   FaultTolerantSetup(const FaultTolerantSetup&) = delete;

@@ -59,8 +59,6 @@ void bind_tables(nb::module_& m) {
   m.attr("sensor_parameters") = named(kSensorParameterTable);
   m.attr("axis_parameters") = named(kAxisTable);
   m.attr("closure_parameters") = named(kClosureTable);
-  m.attr("start_findings") =
-      nb::tuple(nb::cast(std::vector(kStartFindings.begin(), kStartFindings.end())));
   m.attr("stop_causes") = nb::tuple(nb::cast(names_of(kCauseTable)));
   enumeration(m, "SensorKind", names_of(kSensorTable));
   enumeration(
@@ -281,8 +279,8 @@ void enumeration(nb::module_& m, const char* name, const std::vector<const char*
 
 void bind_structs(nb::module_& m) {
   bind_tables(m);
-  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MomentumSettings,
-             MultirateSettings, SafetyLimits, StartSettings, StartReport, SafetyReport>(m);
+  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MultirateSettings,
+             SafetyLimits, SafetyReport>(m);
   structure<engine::Body>(
       m, "MechanismBody",
       TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));

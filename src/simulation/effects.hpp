@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "control/momentum_observer.hpp"
+#include "control/supervisor.hpp"
 #include "simulation/plant.hpp"
 
 namespace truepose {

@@ -168,12 +168,14 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
     sample.cause = shell_.cause;
     sample.part = shell_.part;
   }
-  const MomentumObserver& observer = fault_state_.observer;
-  sample.disturbance = observer.disturbance;
-  sample.disturbed = observer.motor;
-  sample.size = observer.size;
-  sample.force = observer.force;
-  sample.refused = observer.refused;
+  if (extras_.fault_settings && extras_.fault_settings->supervisor) {
+    const DisturbanceReport& report = extras_.fault_settings->supervisor->disturbance();
+    sample.disturbance = report.disturbance;
+    sample.disturbed = report.motor;
+    sample.size = report.size;
+    sample.force = report.force;
+    sample.refused = report.refused;
+  }
   for (int c = 0; c < nominal_.motors + nominal_.r; ++c) {
     sample.health[c] = fault_state_.monitor.reading[c].health;
     sample.symptom[c] = fault_state_.monitor.reading[c].symptom;

@@ -33,7 +33,7 @@ struct Sample {
   std::array<Symptom, kMaxReadings> symptom{};  ///< latest reason why a reading is not valid
   bool stops = false;                           ///< controlled stop on the path
   std::uint32_t brakes = 0;                     ///< motors whose brakes are requested, as bits
-  Disturbance disturbance = Disturbance::none;  ///< as the momentum observer names it,
+  Disturbance disturbance = Disturbance::none;  ///< as the supervisor names it,
   int disturbed = -1;                           ///< the motor of friction,
   double size = 0;                              ///< mass, friction or force,
   Coordinates force{};                          ///< and the external force

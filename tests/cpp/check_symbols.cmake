@@ -1,6 +1,6 @@
-# Fails if the library of the control path needs more than libm and the compiler's own copying.
+# Fails if the libraries of the control path, a list, need more than libm and the compiler's own copying.
 cmake_minimum_required(VERSION 3.25)
-execute_process(COMMAND "${NM}" --format=posix "${LIBRARY}" OUTPUT_VARIABLE table COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND "${NM}" --format=posix ${LIBRARY} OUTPUT_VARIABLE table COMMAND_ERROR_IS_FATAL ANY)
 string(REGEX MATCHALL "[^\n]+" lines "${table}")
 set(allowed sin cos sincos tan atan atan2 exp erfc tanh sqrt remainder nearbyint lround round ceil floor
             memcpy memset memmove _GLOBAL_OFFSET_TABLE_)

@@ -3,7 +3,6 @@
 #include "control/fault_tolerant_control.hpp"
 #include "control/joints.hpp"
 #include "control/safe_control.hpp"
-#include "control/start_test.hpp"
 #include "estimation/estimate.hpp"
 #include "estimation/linearise.hpp"
 #include "estimation/online_calibrator.hpp"

@@ -3,6 +3,7 @@
 import os
 import re
 from contextlib import contextmanager
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from truepose import files
 from truepose.commands import calibration_figures, cli
 from truepose.robot import workspace_grid
 from truepose.show import terminal
+from truepose.show.results import Shown
 
 
 def pytest_addoption(parser):
@@ -70,6 +72,28 @@ def refused(message: str, by: type = tp.InputError):
     with pytest.raises(by, match=message) as told:
         yield told
     assert "\n" not in str(told.value)
+
+
+def require_shown(result: Shown) -> None:
+    """Check the table and the chart of a result that shows itself."""
+    assert isinstance(result, Shown)
+    table = result.table()
+    page = ElementTree.fromstring(result._repr_html_().replace("&nbsp;", " "))
+    (shown,) = page.iter("table")
+    assert shown.findtext("caption") == table.title
+    rows = [["".join(cell.itertext()) for cell in row] for row in shown.iter("tr")]
+    assert rows == [list(table.header), *([*map(str, row)] for row in table.rows)]
+    assert rows[1:] and all(record for record in table)
+    figure = result.plot()
+    try:
+        assert figure.axes
+        for axes in figure.axes:
+            labels = {axes.get_xlabel(), axes.get_ylabel()}
+            named = any("(" in label and ")" in label for label in labels) or "pose" in labels
+            assert named, (result, labels)
+        figure.canvas.draw()
+    finally:
+        figure.clear()
 
 
 def with_length_errors(robot: tp.Robot, seed: int) -> tp.Robot:

@@ -191,7 +191,6 @@ def test_a_robot_of_chains_is_the_same_as_bodies_and_closures(name, count, load,
         lambda r, x: tp.simulate(r, r.sample(1)),
         lambda r, x: tp.steady_state(r, r.sample(1), x),
         lambda r, x: tp.control.stability_margins(r),
-        lambda r, x: tp.simulation.start_test(r),
     ],
 )
 def test_what_needs_chains_is_refused_in_one_line(call):

@@ -208,7 +208,6 @@ def _paths(robot, controller, effects):
 
 RUNS = {
     "simulate": lambda *a: tp.simulate(a[0], controller=a[1], effects=a[2], run=Run(hold=0.01)),
-    "start": lambda *a: tp.simulation.start_test(a[0], controller=a[1], effects=a[2]),
     "visit": lambda *a: visit(a[0], a[0], [a[0].home], a[1], effects=a[2], run=Run(hold=0.1)),
     "path": _paths,
 }

@@ -166,22 +166,6 @@ def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated):
     assert abs(run.error[:, 3]).max() < np.radians(3)
 
 
-@pytest.mark.parametrize("reading", ["q1", "q2"])
-@pytest.mark.parametrize("way", [0, 1, 5])
-def test_a_motors_drift_fails_no_healthy_motor_that_turns_back(calibrated, reading, way):
-    """The law follows the drift, so other motors stand still off their setpoints."""
-    robot, truth = calibrated["θ"]
-    poses = drawn_poses(robot, 24, 7)
-    path = tp.simulation.Waypoints(poses=poses[4 * way : 4 * way + 4], duration=0.3)
-    fault = Fault(reading, "drift", at=0.25, size=0.8)
-    run = tp.simulate(
-        robot, truth, "estimated", path=path, faults=[fault], monitor=tp.FaultMonitor()
-    )
-    assert run.stops.any()
-    assert not run.failed
-    assert np.linalg.norm(run.error[~run.stops, :3], axis=1).max() < 0.025
-
-
 @pytest.mark.parametrize(
     "sensor, ends, size", [("theta", (-0.1, 0.3), 0.4), ("z_telemeter", (0.3, 0.5), 0.2)]
 )

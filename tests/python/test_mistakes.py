@@ -138,14 +138,6 @@ MISTAKES = {
         lambda: tp.simulate(H4, monitor=True),
         r"truepose\.FaultMonitor\(…\), or N",
     ),
-    "a start-up test's effects as text": (
-        lambda: tp.simulation.start_test(H4, effects="all"),
-        r"must be a Effects: truepose\.Effe",
-    ),
-    "a start-up test's law": (
-        lambda: tp.simulation.start_test(H4, controller="joint"),
-        r"truepose\.Controller\(…\), or None",
-    ),
     "one disturbance": (
         lambda: tp.simulate(
             H4, run=tp.simulation.Run(disturbances=Disturbance("payload", size=1.0))

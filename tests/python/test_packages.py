@@ -8,6 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import truepose as tp
 from truepose import moved
 from truepose.exceptions import InputError
 
@@ -45,3 +46,16 @@ def test_a_command_of_a_package_that_is_not_installed_states_how_to_install_it(c
 def test_a_module_that_moved_states_where_to(old, new):
     with pytest.raises(ModuleNotFoundError, match=new):
         importlib.import_module(f"{old}.any")
+
+
+def test_an_argument_that_moved_states_where_to():
+    with pytest.raises(InputError, match=r"carry: is not an argument since 0.6; use forces="):
+        tp.FaultMonitor(carry=True)
+
+
+@pytest.mark.parametrize("module", moved.NAMES)
+def test_a_name_that_moved_states_where_to(module):
+    said = {old: f"{module}.{old} is {new} now" for old, new in moved.NAMES[module].items()}
+    for name, words in (said | {"any": f"'{module}' has no attribute 'any'"}).items():
+        with pytest.raises(AttributeError, match=words):
+            getattr(importlib.import_module(module), name)

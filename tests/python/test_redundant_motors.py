@@ -26,11 +26,6 @@ def test_counts_and_shapes(robot, poses):
     assert tp.simulate(robot).torque.shape[1] == 4
 
 
-def test_one_motor_cannot_move_alone_for_a_start_up_test(robot):
-    with refused("start-up test: no motor moves .*4 motors for 3 freedoms"):
-        tp.simulation.start_test(robot)
-
-
 def test_motors_alone_estimate_and_calibrate(robot, poses):
     truth = robot.sample(seed=3)
     log = truth.read(poses, seed=1)

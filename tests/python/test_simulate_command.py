@@ -100,13 +100,6 @@ def test_it_prints_and_writes_what_the_library_simulates(run, h4, tmp_path, word
     assert rows(said, "motors")["2"]["largest"] == pytest.approx(torque, rel=1e-9)
 
 
-def test_the_start_up_test_takes_its_own_options(run):
-    words = ("--from", "0,0,-0.45,0", "--true", "nominal", "--effects", "friction", "--seed", "2")
-    words += ("--fault", "theta:sign", "--sensors", "theta", "--format", "csv", "--all")
-    status, _, err = run("simulate", "h4", "--start-test", *words)
-    assert status == 0 and "theta is reversed" in err
-
-
 def test_a_path_of_poses_refuses_a_safety_shell_and_a_fault_after_its_last_pose(
     run, refusal, tmp_path
 ):
@@ -146,9 +139,14 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, refusal, tmp_path):
         (("--duration", "0"), "duration = 0.0: must be"),
         (("--duration", "1", "--circle", "0.05,2"), "--duration: --circle and a --path with times"),
         (("--fault", "theta:stuck@1"), "theta:stuck@1: begins after the end of the run, 0.4 s"),
+        (("--forces",), "--forces: only with --monitor"),
         (
-            ("--start-test", "--to", "0,0,-0.4,0", "-o", "a.csv", "--safety", "--since", "0"),
-            "--to, --safety, --since, --out: not with --start-test: leave out",
+            ("--monitor", "--forces"),
+            "--forces: the observer of external forces is in the package truepose-safety",
+        ),
+        (
+            ("--start-test", "--fault", "q1:swap=q2"),
+            "--start-test: truepose start-test ROBOT is in the package truepose-safety",
         ),
         (("-o", "log.xyz"), "log.xyz: unknown ending '.xyz'"),
         (("--true", "h5"), "unknown robot 'h5'"),

@@ -1,4 +1,5 @@
-/* Start-up test of a machine that is off (docs/start-test.md). Independent of LinuxCNC.
+/* Start-up test of a machine that is off (packages/safety/docs/start-test.md). Independent of
+ * LinuxCNC.
  *
  * Level 1 compares the readings at rest: brakes closed, no torque, for any drive. Level 2 then
  * pulses each motor by a torque, for drives that take torques while the test runs. A sensor that

@@ -69,7 +69,8 @@ static void observe(truepose_corrector* tej, const truepose_corrector_input* inp
         truepose_place_poles(&tej->model, tej->table.robot.home, kLoop, 1, &settings).status <=
             TRUEPOSE_OK &&
         truepose_momentum_defaults(&tej->model, &settings, &momentum).status <= TRUEPOSE_OK &&
-        truepose_fault_monitor_momentum(&tej->monitor, &momentum).status <= TRUEPOSE_OK;
+        truepose_fault_monitor_momentum(&tej->monitor, &tej->forces, sizeof tej->forces, &momentum)
+                .status <= TRUEPOSE_OK;
     if (!tej->observing) return;
   }
   if (truepose_fault_monitor_observe(&tej->model, &tej->monitor, input->torque).status <=

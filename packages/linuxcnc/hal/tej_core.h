@@ -12,6 +12,7 @@
 #define TRUEPOSE_LINUXCNC_TEJ_CORE_H
 
 #include "online_core.h"
+#include "truepose_safety.h"
 
 /** Reasons why the requested law is not in effect. */
 typedef enum truepose_corrector_fault {
@@ -64,6 +65,7 @@ typedef struct truepose_corrector {
   int32_t learnt;             /**< model of the laws: 0 the table's robot, 1 the identified one */
   truepose_knowledge weighed; /**< of that, adapted to the valid readings */
   truepose_fault_monitor monitor;
+  truepose_momentum_observer forces;
   truepose_controller controller; /**< for the law and the band below */
   int32_t begun;
   truepose_real band;

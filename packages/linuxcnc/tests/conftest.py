@@ -58,17 +58,19 @@ class Module:
 
 @pytest.fixture(scope="session")
 def components(tmp_path_factory) -> Path:
-    """Return a folder with the components, built from hal/ against the core's C library."""
-    library = ROOT / "build/library/libtruepose.a"
+    """Return a folder with the components, built from hal/ against the C libraries."""
+    built, include = ROOT / "build/safety/library", ROOT / "include"
+    libraries = built / "libtruepose_safety.a", built / "core/libtruepose.a"
     if shutil.which("halcompile") is None:
         pytest.skip("LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)")
-    if not library.exists():
-        pytest.skip("libtruepose.a is not built: `make -C packages/linuxcnc test` builds it")
+    if not libraries[0].exists():
+        pytest.skip("libtruepose_safety.a is not built: `make -C packages/linuxcnc test` builds it")
     work = tmp_path_factory.mktemp("components")
     for source in (PACKAGE / "hal").glob("*"):
         if source.suffix in (".c", ".h") or source.name == "Makefile":
             shutil.copy(source, work)
-    places = [f"LIBRARY={library}", f"INCLUDE={ROOT / 'include'}"]
+    places = [f"LIBRARY={libraries[0]} {libraries[1]}"]
+    places += [f"INCLUDE={include} {ROOT / 'packages/safety/include'}"]
     subprocess.run(["make", "-s", "-C", work, *places], check=True)
     return work
 

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 from typer import Context, Option
 
-from truepose import files, logs
+from truepose import files, logs, moved
 from truepose.arguments import Array, finite_rows
 from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError, PoseError
-from truepose.faults.monitor import FaultMonitor
+from truepose.faults.monitor import FaultMonitor, Supervising
 from truepose.logs.reading import read_poses, read_samples
+from truepose.plugins import plugins
 from truepose.robot import Law, Robot, laws, list_robots
 from truepose.robot.frames import frames
 from truepose.show import Cell, Table, figure_of, tabled
@@ -27,7 +28,6 @@ from truepose.simulation.plants.dynamic import visit
 from truepose.simulation.preparation import controller_of, require_within
 from truepose.simulation.run import Run
 from truepose.simulation.simulate import Simulation, simulate
-from truepose.simulation.start_test import start_test as prove
 
 #: Poles of a controller that visits poses without effects, rad/s, and the velocity filter's
 #: bandwidth over the poles, for visits and with effects.
@@ -37,9 +37,6 @@ MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
 #: A path, or None and the ends of a move.
 Motion = tuple[Circle | SampledPath | Waypoints | None, Array | None, Array | None]
 _UNITS = ("N", "N·m")
-#: Options of the start-up test.
-_START = {"--start-test", "--from", "--true", "--effects", "--fault", "--seed"}
-_START |= {"--sensors", "--format", "--all"}
 
 
 def command(
@@ -85,18 +82,19 @@ def command(
     monitor: bool = Option(
         False, "--monitor", help="Fault monitor: continue or stop when a reading is faulty."
     ),
+    forces: bool = Option(
+        False,
+        "--forces",
+        help="With --monitor: observe external forces, which names payloads, friction and "
+        "contacts (package truepose-safety).",
+    ),
     safety: bool = Option(
         False,
         "--safety",
         help="Safety shell: stop after a violation of its limits, which are printed. Moves and "
         "paths only.",
     ),
-    start_test: bool = Option(
-        False,
-        "--start-test",
-        help="Instead of a move: the start-up test, with the faults as miswirings of incremental "
-        "encoders.",
-    ),
+    start_test: bool = Option(False, "--start-test", hidden=True),
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
     duration: float | None = Option(
@@ -127,9 +125,9 @@ def command(
     then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**, or with the limits of the
     safety shell **truepose simulate h4 --safety --all --fault frame:stuck@0.1**
     """
+    if start_test:
+        raise InputError(moved.where("--start-test: truepose start-test ROBOT", "safety"))
     given = options.given(context)
-    wrong: Collection[str] = set(given) - _START if start_test else ()
-    options.refuse(given, wrong, "not with --start-test: leave out")
     read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
     write = options.writer(read, force, plot=plot)
     log = None if out is None else logs.writing.check(out, options.paths(read), force)
@@ -137,13 +135,9 @@ def command(
     truth = options.true_robot(believed, true, seed)
     faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
     forgotten = None if effects == "none" else options.effects_of(effects)
-    if start_test:
-        at = options.parse_pose(believed, start, "--from", False)
-        started = prove(believed, truth, faults, start=at, effects=forgotten, seed=seed)
-        return show([started.table()], how, [started.summary])
     motion = _asked(believed, path, way_points, circle, start, end, duration)
     visiting = not isinstance(motion, tuple)
-    wrong = ("--disturbance", "--safety") if visiting else ()
+    wrong: Collection[str] = ("--disturbance", "--safety") if visiting else ()
     options.refuse(given, wrong, "only for moves and paths in time, not for --path with poses")
     law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting)
@@ -156,7 +150,10 @@ def command(
         disturbances=disturbances,
         safety=SafetyShell(effects=forgotten) if safety else None,
     )
-    watching = FaultMonitor(effects=forgotten) if monitor else None
+    if forces and not monitor:
+        raise InputError("--forces: only with --monitor")
+    observer = _observer() if forces else None
+    watching = FaultMonitor(effects=forgotten, forces=observer) if monitor else None
     ran: Simulation | Visit
     with progress("simulating"):
         if isinstance(motion, tuple):
@@ -194,6 +191,13 @@ def command(
     who = ", ".join([who, *wrong, *map(str, disturbances)])
     answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))
+
+
+def _observer() -> Supervising:
+    """Return the observer of external forces of an installed package."""
+    if (found := plugins("supervisors").get("forces")) is None:
+        raise InputError(moved.where("--forces: the observer of external forces", "safety"))
+    return found.load()()  # type: ignore[no-any-return]
 
 
 def _controller(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core
-from truepose.arguments import Array, finite, positive, require, require_or_none, whole
+from truepose import _core, moved
+from truepose.arguments import Array, finite, positive, require_or_none, whole
 from truepose.control import delays
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
@@ -39,6 +39,15 @@ _BEYOND = 0.05
 _OWN = ("coast", "spikes", "within", "decide", "replaceable", "memory", "stop", "stop_lost")
 
 
+@runtime_checkable
+class Supervising(Protocol):
+    """What a package adds to a fault monitor."""
+
+    def supervisor(self, robot: Robot, settings: _core.ControlSettings) -> _core.Supervisor | None:
+        """Return the supervisor of one run; None: this robot can have none."""
+
+
+@moved.without(carry="forces=truepose_safety.MomentumObserver(carry=True)")
 @dataclass(frozen=True, kw_only=True)
 class FaultMonitor:
     """A monitor of all readings that stops the robot where one of them is faulty.
@@ -77,8 +86,9 @@ class FaultMonitor:
         Effects of a healthy robot to be tolerated: backlash and eccentric encoders
         (:meth:`Effects.allowed_for`; a calibrated robot already allows for them), and the arms'
         deflection under the motor torques.
-    carry : bool
-        Whether an identified payload is fed forward.
+    forces : Supervising, optional
+        Observer of external forces, by which payloads, friction and contacts are named and no
+        reading is blamed for them; none by default. ``truepose_safety.MomentumObserver(…)``.
 
     Examples
     --------
@@ -104,7 +114,7 @@ class FaultMonitor:
     warm_up: float | None = None
     memory: float = 600.0
     effects: Effects | None = None
-    carry: bool = False
+    forces: Supervising | None = None
 
     def __post_init__(self) -> None:
         for name in ("false_alarms", "replaceable", "memory"):
@@ -116,7 +126,8 @@ class FaultMonitor:
         if self.warm_up is not None:
             finite("warm_up", self.warm_up, 0, " (K)")
         require_or_none(self.effects, Effects, "effects", "truepose.Effects(…)")
-        require(self.carry, bool, "carry", "True or False")
+        made_by = "truepose_safety.MomentumObserver(…), or None"
+        require_or_none(self.forces, Supervising, "forces", made_by)
 
     def setup(self, robot: Robot, controller: Controller) -> _core.FaultTolerantSetup:
         """Return the core's setup."""
@@ -143,11 +154,10 @@ class FaultMonitor:
         rates = effects.base_expansion, effects.arm_expansion, effects.rod_expansion
         monitor.growth = [warm_up * rate for rate in rates]  # of base, arms, rods: shares
         start = controller.settings(robot, robot.home)
-        momentum = _core.default_momentum(robot.core, start)[0]  # off without torque limits
-        momentum.carry = self.carry
+        forces = None if self.forces is None else self.forces.supervisor(robot, start)
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
-        return _core.FaultTolerantSetup(finest.core, known, monitor, momentum, slow)
+        return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3

@@ -4,7 +4,6 @@ from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, SampledPath, Waypoints
 from truepose.simulation.run import Run
 from truepose.simulation.simulate import Simulation
-from truepose.simulation.start_test import StartTest, start_test
 
 __all__ = [
     "Circle",
@@ -13,8 +12,6 @@ __all__ = [
     "Run",
     "SampledPath",
     "Simulation",
-    "StartTest",
     "Waypoints",
     "path_accuracy",
-    "start_test",
 ]

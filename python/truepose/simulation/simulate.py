@@ -70,7 +70,7 @@ class Simulation(Shown):
     symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
     brakes: Array  #: (T,) int, motors whose brakes it or the safety shell requests, as bits
-    disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by the monitor
+    disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by its `forces`
     disturbed_motor: Array  #: (T,) int, motor of friction, from 0; all or none: -1
     disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
     external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed

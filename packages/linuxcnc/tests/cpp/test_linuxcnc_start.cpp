@@ -1,8 +1,8 @@
 // LinuxCNC's start-up test: miswired machines that are off are named, and hardly move.
 #include <memory>
 
+#include "packages/safety/tests/cpp/start_bench.hpp"
 #include "src/c/fields.hpp"
-#include "tests/cpp/start_bench.hpp"
 
 extern "C" {
 #include "../../hal/start_core.h"
@@ -28,8 +28,8 @@ struct Machine {
     CHECK(truepose_corrector_begin(tej.get(), &table.robot, 1e-3).status <= TRUEPOSE_OK);
     in.referenced = in.safety = 1;
     std::copy_n(bench.first.begin(), 4, in.q_d);
-    std::fill_n(in.error_limit, 6, 0.1);
-    std::fill_n(in.largest, 6, 0.1);
+    std::fill_n(in.error_limit, TRUEPOSE_MOTORS, 0.1);
+    std::fill_n(in.largest, TRUEPOSE_MOTORS, 0.1);
   }
 
   /// One cycle of the component, the drives in the test's hands.

@@ -1,0 +1,38 @@
+// Consistency of the readings at rest, before a start-up test has any torque.
+#include "safety/start_rest.hpp"
+
+namespace truepose::start_detail {
+Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& weighing,
+                const Extended& q_e, Pose& pose, int& outside) {
+  const int n = robot.motors;
+  const int e = n + robot.r;
+  for (int c = 0; c < n; ++c)
+    if (limits.low[c] < limits.high[c] && !(q_e[c] >= limits.low[c] && q_e[c] <= limits.high[c])) {
+      outside = c;
+      return INFINITY;
+    }
+  pose = to_pose(robot.mobility, robot.home);
+  if (fkm(robot, motors_of(robot, q_e), pose).status > Status::ok) return INFINITY;
+  if (robot.r == 0 || !weighing) return 0;
+  const Knowledge& known = *weighing.known;
+  Real *H_xi = weighing.work, *B = H_xi + e * parameter_count(robot);
+  Extended beyond, noise{};
+  Parity parity;
+  Outcome outcome = geometry_at(robot, pose, H_xi, beyond);
+  if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
+  if (!outcome) return INFINITY;
+  parity.open(robot, known, H_xi, B);
+  Matrix<kMaxSensors, kMaxSensors> geometry{};
+  for (int k = 0; k < robot.r; ++k)
+    for (int l = 0; l <= k; ++l)
+      geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+  for (int c = 0; c < e; ++c) noise[c] = known.sigma[c] * known.sigma[c];
+  ReadingCovariance V;
+  parity.covariance(robot.r, noise, geometry, 1, V);
+  if (!V.factor(robot.r)) return INFINITY;
+  std::array<Real, kMaxSensors + 1> none{};
+  none.fill(INFINITY);
+  pose = parity.pose;
+  return truepose::parity_verdict(parity, none, V, parity.value, robot.r, 0, 0).chi2;
+}
+}  // namespace truepose::start_detail
