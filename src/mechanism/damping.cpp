@@ -31,7 +31,7 @@ Conditioning::Conditioning(const Closure& closure)
     }
   }
   Square rows;
-  inverse_ = invert(motors_, n_, lines_, ones(), 0, rows);
+  inverse_ = invert(motors_, n_, lines_, ones(), rows);
   Real inverse2 = 0;
   for (int i = 0; i < n_; ++i)
     for (int j = 0; j < motors_; ++j) inverse2 += rows[i][j] * rows[i][j];
@@ -66,11 +66,10 @@ bool Conditioning::damped(const Closure& closure, Real band, Square& J) const {
     }
   }
   const Real part = damping(parallel_, band) * square / (n_ * n_);
-  const NormalEquations equations(motors_, n_, rows, ones(), part);
-  for (int j = 0; j < motors_; ++j) {
-    const Unknowns column = equations.column(j, scale[j]);
-    for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
-  }
+  const Factors equations(motors_, n_, rows.data(), ones(), part);
+  equations.invert(J);
+  for (int i = 0; i < n_; ++i)
+    for (int j = 0; j < motors_; ++j) J[i][j] *= scale[j] / unit_[i];
   return equations.regular();
 }
 

@@ -20,10 +20,10 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
     Square K;
     const Unknowns size = jx_rows(
         at.carried, m, K, [&](int i) { return std::pair((1 / jq[i]) * at.v[i], at.lever[i]); });
-    const NormalEquations equations(m, n, K, size);
+    const Factors equations(m, n, K.data(), size);
     end.regular = equations.regular();
     if (!end.regular) return false;
-    const Unknowns step = equations.solve(gap);
+    const Unknowns step = equations.solve(gap.data());
     Coordinates motion{};
     std::copy_n(step.begin(), n, motion.begin());
     moves = 0;
@@ -50,24 +50,17 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   Loops iterates[2], *current = &iterates[0], *trial = &iterates[1];
   current->place(robot, driven, pose);
   if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
-
-  struct Inverse : Inverted {
-    Square rows;
-    bool regular() const { return Inverted::regular; }
-  };
   Square jx;
   NewtonEnd end = damped_newton(
       current, trial, scale, most,
       [&](const Loops& at, Real damping) {
-        Inverse inverse;
         const Unknowns size = at.jx(m, jx);
-        static_cast<Inverted&>(inverse) = invert(m, n, jx, size, damping, inverse.rows);
-        return inverse;
+        return Factors(m, n, jx.data(), size, damping);
       },
-      [&](const Loops& at, const Inverse& inverse, Loops& after) {
+      [&](const Loops& at, const Factors& factors, Loops& after) {
+        const Unknowns step = factors.solve(at.f.data());
         Coordinates motion;
-        for (int j = 0; j < n; ++j)
-          motion[j] = sum_of(m, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
+        std::copy_n(step.begin(), n, motion.begin());
         after.place(robot, driven, moved(robot.mobility, at.pose, motion));
       },
       m > n ? kSettled : 0);

@@ -215,7 +215,7 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
     }
     for (int i = 0; i < n && !over; ++i) inverse[i][j] = rates[i][j] / slope;
   }
-  if (outcome && over && !invert(m.motors, n, K, size, 0, inverse)) return {Status::singular, -1};
+  if (outcome && over && !invert(m.motors, n, K, size, inverse)) return {Status::singular, -1};
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j)
     for (int i = 0; i < n; ++i) sum += J[i][j] = inverse[i][j];

@@ -28,9 +28,9 @@ Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
     jacobians.sign = 0;
     Square K;
     const Unknowns sizes = inverse_rows(closure, K);
-    return {invert(m, n, K, sizes, 0, jacobians.J) ? Status::ok : Status::singular, -1};
+    return {invert(m, n, K, sizes, jacobians.J) ? Status::ok : Status::singular, -1};
   }
-  const Inverted inverse = invert(n, n, jacobians.jx, size, 0, jacobians.J);
+  const Inverted inverse = invert(n, n, jacobians.jx, size, jacobians.J);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
   jacobians.sign = inverse.sign;

@@ -108,7 +108,7 @@ Real parallel(const Mechanism& mechanism, const Position& at) {
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < columns; ++j)
       square += A[i][j] * A[i][j] / size[j], A[i][j] /= std::sqrt(size[j]);
-  if (!invert(rows, columns, A, ones, 0, inverse)) return 0;
+  if (!invert(rows, columns, A, ones, inverse)) return 0;
   for (int j = 0; j < columns; ++j)
     for (int i = 0; i < rows; ++i) inverse2 += inverse[j][i] * inverse[j][i];
   return columns / std::sqrt(square * inverse2);
