@@ -24,7 +24,7 @@ class Factors {
   Factors(int rows, int n, const Unknowns* a, const Unknowns& size, Real damping = 0);
   /// Whether A has full rank.
   bool regular() const { return regular_; }
-  /// Sign of det A, -1, 0 or 1; of least squares: of no meaning.
+  /// Sign of det A, -1, 0 or 1; of least squares: 0.
   int sign() const { return sign_; }
 
   /// A⁺ b.

@@ -110,9 +110,7 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
   result.iterations = end.iterations;
   result.residual = at.residual;
   if (!(at.residual < kClosed * scale)) {
-    // Close, but crawling: towards a singular position (fkm.hpp).
-    const bool crawls = at.residual < fkm_detail::kCrawls * scale && end.damping > 0;
-    result.status = crawls ? Status::singular : Status::not_converged;
+    result.status = end.crawls(at.residual, scale) ? Status::singular : Status::not_converged;
   } else if (!end.regular) {
     result.status = Status::singular;
   } else if ((result.chain = other_working_mode(mechanism, at)) >= 0) {

@@ -10,17 +10,13 @@ FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& un
                           engine::Position& at) {
   const engine::Row end = at.y;
   at.y = m.home;
-  FkmResult result;
-  for (int stage = 1; stage <= kFkmStages && result; ++stage) {
+  return in_stages(kFkmStages * kFkmIterations, [&](Real rest, int left) {
     engine::Row y = end;
-    for (int j = 0; j < m.freedoms; ++j)
-      y[j] -= (end[j] - m.home[j]) * (kFkmStages - stage) / kFkmStages;
+    for (int j = 0; j < m.freedoms; ++j) y[j] -= rest * (end[j] - m.home[j]);
     for (int k = 0; k < unknown.count; ++k) y[unknown.index[k]] = at.y[unknown.index[k]];
     at.y = y;
-    const FkmResult next = engine::close(m, at, unknown);
-    result = {next, result.iterations + next.iterations, next.residual};
-  }
-  return result;
+    return engine::close(m, at, unknown, std::min(left, kFkmIterations));
+  });
 }
 
 /// Closes the rods for the unknown freedoms from the start in `closure`, and reads pose and motors

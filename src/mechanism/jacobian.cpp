@@ -6,6 +6,11 @@
 #include <tuple>
 
 namespace truepose {
+Unknowns jx_rows(const Closure& closure, Square& rows) {
+  return jx_rows(closure.carried, closure.motors, rows,
+                 [&](int i) { return std::tie(closure.chain[i].v, closure.chain[i].lever); });
+}
+
 Unknowns inverse_rows(const Closure& closure, Square& K) {
   return jx_rows(closure.carried, closure.motors, K, [&](int i) {
     const ChainState& chain = closure.chain[i];
@@ -15,9 +20,7 @@ Unknowns inverse_rows(const Closure& closure, Square& K) {
 
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   const int n = jacobians.n = closure.carried.n, m = jacobians.motors = closure.motors;
-  const Unknowns size = jx_rows(closure.carried, m, jacobians.jx, [&](int i) {
-    return std::tie(closure.chain[i].v, closure.chain[i].lever);
-  });
+  const Unknowns size = jx_rows(closure, jacobians.jx);
   for (int i = 0; i < m; ++i) jacobians.jq[i] = closure.chain[i].jq;
   for (int i = 0; i < m; ++i) {
     const ChainState& at = closure.chain[i];

@@ -55,6 +55,9 @@ struct Jacobians {
   }
 };
 
+/// J_x of all chains. @return the sizes of its columns
+Unknowns jx_rows(const Closure& closure, Square& rows);
+
 /// K = J_q⁻¹ J_x. @return the sizes of its columns, as jx_rows()
 Unknowns inverse_rows(const Closure& closure, Square& K);
 
