@@ -138,12 +138,6 @@ Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& u
 }
 
 int mode_of(const Mechanism& mechanism, const Position& at) {
-  const Freedoms free = forward(mechanism);
-  Square rows;
-  for (int i = 0; i < mechanism.closures; ++i) {
-    const Row by = row(mechanism, at, i);
-    for (int j = 0; j < free.count; ++j) rows[i][j] = by[free.index[j]];
-  }
-  return free.count == mechanism.closures ? determinant_sign(free.count, rows) : 0;
+  return Equations(mechanism, at, forward(mechanism), 0, false).sign();
 }
 }  // namespace truepose::engine

@@ -95,10 +95,6 @@ Outcome note_home(Robot& robot) {
 
 Outcome finish_full(Robot& robot) {
   if (!robot.finished) return {Status::unfinished, -1};
-  if (is_mechanism(robot.mobility)) {
-    robot.full = {FullKind::same, robot.mechanism.closures, 0, dof(robot.mobility)};
-    return {};
-  }
   const int n = dof(robot.mobility), motors = robot.motors;
   FullLevel& level = robot.full = {};
   bool described = true;
@@ -108,7 +104,7 @@ Outcome finish_full(Robot& robot) {
   }
   if (!paired(robot.mobility)) {
     level.kind = FullKind::same;
-    level.rods = motors;
+    level.rods = is_mechanism(robot.mobility) ? robot.mechanism.closures : motors;
     level.unknowns = n;
     return {};
   }
@@ -192,26 +188,22 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasi
 Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J) {
   const engine::Mechanism& m = closure.built.mechanism;
   const int n = m.coordinates;
-  // J; or with redundant motors K = ∂q/∂x, whose pseudo-inverse is in least squares of readings.
-  const bool over = overdriven(robot);
   engine::Freedoms x;
   x.add(m.motors, m.motors + n);
   Matrix<kMaxUnknowns, kMaxUnknowns> rates;
-  Outcome outcome = engine::follow(m, closure.at, over ? engine::inverse(m) : engine::forward(m),
-                                   over ? x : engine::motors(m), rates);
+  Outcome outcome = engine::follow(m, closure.at, engine::inverse(m), x, rates);
   if (outcome.chain >= 0) outcome.chain /= closure.built.rods_per_chain;
-  Square K, inverse;
+  Square K, inverse;  // K = ∂q/∂x
   Unknowns size{};
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
     if (slope == 0) return {Status::singular, j};  // its encoder does not see the motor
-    for (int i = 0; i < n && over; ++i) {
+    for (int i = 0; i < n; ++i) {
       K[j][i] = rates[j][i] * slope;
       size[i] += K[j][i] * K[j][i];
     }
-    for (int i = 0; i < n && !over; ++i) inverse[i][j] = rates[i][j] / slope;
   }
-  if (outcome && over && !invert(m.motors, n, K, size, inverse)) return {Status::singular, -1};
+  if (outcome && !invert(m.motors, n, K, size, inverse)) return {Status::singular, -1};
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j)
     for (int i = 0; i < n; ++i) sum += J[i][j] = inverse[i][j];
