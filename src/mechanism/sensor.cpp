@@ -43,11 +43,8 @@ void sensor_row(const Robot& robot, const Sensor& sensor, const Closure& closure
   const ChainState& state = closure.chain[sensor.chain];
   // A moves with the platform; so does the frame of a joint on the platform itself.
   const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3::Zero();
-  free_row(closure.carried, s.rod, state.lever.cross(s.rod) + turn, row);
-  Coordinates jx;
-  jx_row(closure.carried, state.v, state.lever, jx.data());
-  const Real scale = by_motor(sensor, s, chain, state.dB, state.rate) / state.jq;
-  for (int j = 0; j < dof(robot.mobility); ++j) row[j] += scale * jx[j];
+  const Vec3 pull = s.rod + by_motor(sensor, s, chain, state.dB, state.rate) / state.jq * state.v;
+  free_row(closure.carried, pull, state.lever.cross(pull) + turn, row);
 }
 
 Real any_reading(const Robot& robot, const Sensor& sensor, const Closure& closure, Real* row) {
