@@ -239,10 +239,8 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
 
 void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H) {
   Built built;
-  build(robot, Layout::ideal, built);
   engine::Position at;
-  at.y = stand(robot, built, closure.q(), closure.pose);
-  engine::place(built.mechanism, at);
+  stand(robot, closure, built, at);
   Readings by(robot, built, at, closure.pose.theta);
   // Each motor follows its own rod alone. Near a singularity J_q is the closure's, damped.
   for (int c = 0; c < by.count; ++c)
