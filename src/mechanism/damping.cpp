@@ -14,15 +14,17 @@ constexpr Unknowns ones() {
 
 Conditioning::Conditioning(const Closure& closure)
     : n_(closure.carried.n), motors_(closure.motors) {
-  unit_ = jx_rows(closure.carried, motors_, lines_, [&](int i) {
+  Joint scale;
+  for (int i = 0; i < motors_; ++i) {
     const ChainState& chain = closure.chain[i];
     length_[i] = chain.v.norm();
+    scale[i] = 1 / length_[i];
     // A telescopic leg always drives along itself.
     const Real dB = chain.dB.norm();
     speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
     serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
-    return std::pair((1 / length_[i]) * chain.v, chain.lever);
-  });
+  }
+  unit_ = jx_rows(closure, scale, lines_);
   for (int j = 0; j < n_; ++j) {
     unit_[j] = std::sqrt(unit_[j]);
     for (int i = 0; i < motors_; ++i) {

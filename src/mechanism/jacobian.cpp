@@ -3,19 +3,37 @@
 
 #include "mechanism/full.hpp"
 
-#include <tuple>
-
 namespace truepose {
+Unknowns jx_rows(const Closure& closure, const Joint& scale, Square& rows) {
+  const Carried& carried = closure.carried;
+  const int n = carried.n;
+  const bool rotational = is_rotational(carried.mobility);
+  Real velocity = 0, turn = 0;
+  Unknowns size{};
+  for (int i = 0; i < closure.motors; ++i) {
+    const Vec3 v = scale[i] * closure.chain[i].v, &lever = closure.chain[i].lever;
+    jx_row(carried, v, lever, rows[i].data());
+    const Real v2 = v.squaredNorm();
+    velocity += v2;
+    turn += v2 * lever.squaredNorm();
+    for (int j = 0; j < n && rotational; ++j)
+      size[j] += v2 * (lever + carried.arm[j]).squaredNorm();
+  }
+  for (int j = 0; j < n && !rotational; ++j)
+    size[j] = free_columns(carried.mobility)[j] < 3 ? velocity : turn;
+  return size;
+}
+
 Unknowns jx_rows(const Closure& closure, Square& rows) {
-  return jx_rows(closure.carried, closure.motors, rows,
-                 [&](int i) { return std::tie(closure.chain[i].v, closure.chain[i].lever); });
+  Joint ones;
+  ones.fill(1);
+  return jx_rows(closure, ones, rows);
 }
 
 Unknowns inverse_rows(const Closure& closure, Square& K) {
-  return jx_rows(closure.carried, closure.motors, K, [&](int i) {
-    const ChainState& chain = closure.chain[i];
-    return std::pair((1 / chain.jq) * chain.v, chain.lever);
-  });
+  Joint scale;
+  for (int i = 0; i < closure.motors; ++i) scale[i] = 1 / closure.chain[i].jq;
+  return jx_rows(closure, scale, K);
 }
 
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
