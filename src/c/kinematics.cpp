@@ -69,7 +69,7 @@ Outcome mapped(const Robot& robot, const Coordinates& x, const From& given, To& 
   Unknowns size{};
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < m; ++j) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
-  if (kToJoints && !invert(m, n, by, size, 0, inverse)) return {Status::singular};
+  if (kToJoints && !invert(m, n, by, size, inverse)) return {Status::singular};
   for (int i = 0; i < (kToJoints ? n : m); ++i)
     result[i] = sum_of(kToJoints ? m : n,
                        [&](int j) { return (kToJoints ? inverse : by)[i][j] * given[j]; });

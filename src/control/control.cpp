@@ -245,7 +245,7 @@ class ControlCycle {
         }
         if (adds) motor[count++] = i;
       }
-      if (count == m || count < n || !invert(count, n, K, size, 0, inverse)) return;
+      if (count == m || count < n || !invert(count, n, K, size, inverse)) return;
       lacks = {};
       for (int c = 0; c < count; ++c) {
         Real& torque = state_.torque[motor[c]];

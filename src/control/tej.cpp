@@ -57,7 +57,7 @@ Outcome by_rows(const Robot& robot, const Pose& pose, Closure& closure, Jacobian
   }
   for (int k = 0; k < robot.r; ++k) r[k] = q_e[m + k], jr[k] = H_x[m + k];
   jacobians.sign = engine::mode_of(at.built.mechanism, at.at);
-  return {invert(m, n, jacobians.jx, size, 0, jacobians.J) ? Status::ok : Status::singular};
+  return {invert(m, n, jacobians.jx, size, jacobians.J) ? Status::ok : Status::singular};
 }
 }  // namespace
 

@@ -77,7 +77,7 @@ struct CachedFusion {
       for (int i = 0; i < n; ++i) H_q[i][j] = H_x[i][j];
       size[j] = sum_of(n, [&](int i) { return H_q[i][j] * H_q[i][j]; });
     }
-    if (!invert(n, n, H_q, size, 0, J)) return false;
+    if (!invert(n, n, H_q, size, J)) return false;
     for (int k = 0; k < robot.r; ++k)
       for (int j = 0; j < n; ++j)
         g[k][j] = sum_of(n, [&](int i) { return H_x[n + k][i] * J[i][j]; });

@@ -14,23 +14,21 @@ bool eliminate(int n, int rows, RowsOfPose& A, Real* B, int width, std::array<Re
     std::array<Real, kMaxRows> v;
     for (int i = j; i < rows; ++i) v[i] = A[i][j];
     v[j] += norm;
-    const Real scale = 1 / (norm * v[j]);  // 2 / vᵀv
-    const auto reflect = [&](Real* column, int stride) {
-      Real dot = 0;
-      for (int i = j; i < rows; ++i) dot += v[i] * column[i * stride];
-      dot *= scale;
-      for (int i = j; i < rows; ++i) column[i * stride] -= dot * v[i];
+    const Real scale = 1 / (norm * v[j]);                             // 2 / vᵀv
+    const auto reflect = [&](Real* columns, int count, int stride) {  // along the rows, in blocks
+      for (int first = 0; first < count; first += kBlock) {
+        const int last = std::min(first + kBlock, count);
+        Real dot[kBlock] = {};
+        for (int i = j; i < rows; ++i)
+          for (int k = first; k < last; ++k) dot[k - first] += v[i] * columns[i * stride + k];
+        for (int i = j; i < rows; ++i)
+          for (int k = first; k < last; ++k)
+            columns[i * stride + k] -= scale * dot[k - first] * v[i];
+      }
     };
-    for (int k = j; k < n; ++k) reflect(&A[0][k], kMaxDof);
-    reflect(e.data(), 1);
-    for (int first = 0; first < width; first += kBlock) {  // along the rows of B, in blocks
-      const int count = std::min(kBlock, width - first);
-      Real dot[kBlock] = {};
-      for (int i = j; i < rows; ++i)
-        for (int k = 0; k < count; ++k) dot[k] += v[i] * B[i * width + first + k];
-      for (int i = j; i < rows; ++i)
-        for (int k = 0; k < count; ++k) B[i * width + first + k] -= scale * dot[k] * v[i];
-    }
+    reflect(&A[0][j], n - j, kMaxDof);
+    reflect(e.data(), 1, 1);
+    reflect(B, width, width);
   }
   return true;
 }

@@ -18,11 +18,23 @@ inline constexpr Real kChord = by_precision(1e-9, 1e-4);
 /// Below this rounding explains a step without gain.
 inline constexpr Real kNothingToGain = by_precision(1e-13, 3e-6);
 
+/// Below this a search that goes on slowly is near a double root: its steps halve the distance, and
+/// the residual goes with their square.
+inline constexpr Real kCrawls = by_precision(1e-9, 1e-6);
+/// Steps that suffice unless the search is near a singular position.
+inline constexpr int kUsualSteps = 24;
+
 /// Result of Newton's method.
 struct NewtonEnd {
   int iterations = 0;   ///< steps tried
   bool regular = true;  ///< whether the last factors had full rank
   Real damping = 0;     ///< of the last step; 0: undamped
+
+  /// Whether a search with open loops was converging slowly to a singular position. (J_x is
+  /// singular also where a search ends with wide gaps, but that excludes no other positions.)
+  bool crawls(Real residual, Real scale) const {
+    return residual < kCrawls * scale && (damping > 0 || iterations > kUsualSteps);
+  }
 };
 
 /// Newton's method for f = 0. A step that does not lower Σf² is retried with Levenberg's damping.

@@ -3,10 +3,8 @@
 
 namespace truepose {
 Mat3 from_roll_pitch_yaw(const RollPitchYaw& angles) {
-  const Real r = angles[0], p = angles[1];
-  const Mat3 roll = Mat3::of(1, 0, 0, 0, std::cos(r), -std::sin(r), 0, std::sin(r), std::cos(r));
-  const Mat3 pitch = Mat3::of(std::cos(p), 0, std::sin(p), 0, 1, 0, -std::sin(p), 0, std::cos(p));
-  return rotation_z(angles[2]) * pitch * roll;
+  const auto turn = [&](int axis) { return exp_so3(angles[std::size_t(axis)] * Vec3::Unit(axis)); };
+  return turn(2) * turn(1) * turn(0);
 }
 
 RollPitchYaw to_roll_pitch_yaw(const Mat3& R, const RollPitchYaw& near) {

@@ -1,149 +1,128 @@
-// Solution of a small square system: Newton's step, the columns of J, the sign of det J_x.
+// Solution of a small system, square or in least squares: Newton's step, the columns of J, the sign
+// of det J_x.
 #include "math/square.hpp"
 
 #include "math/vec3.hpp"
 
 namespace truepose {
 namespace {
-/// Adjugate of a matrix up to 4×4 by minors; returns the determinant. Without branches and
-/// divisions, at a third of the cost of a factorisation.
-template <int N>
-Real adjugate(const Square& a, Square& b) {
-  static_assert(N >= 1 && N <= 4);
-  if constexpr (N == 1) {
-    b[0][0] = 1;
-    return a[0][0];
-  } else if constexpr (N == 2) {
-    b[0][0] = a[1][1];
-    b[0][1] = -a[0][1];
-    b[1][0] = -a[1][0];
-    b[1][1] = a[0][0];
-    return a[0][0] * a[1][1] - a[0][1] * a[1][0];
-  } else if constexpr (N == 3) {
-    const auto row = [&](int i) { return Vec3(a[i][0], a[i][1], a[i][2]); };
-    const Vec3 x = row(0), y = row(1), z = row(2), column[]{y.cross(z), z.cross(x), x.cross(y)};
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) b[i][j] = column[j][i];
-    return x.dot(column[0]);
-  } else {
-    // 2×2 minors of the upper and of the lower two rows, combined by Laplace's expansion.
-    const auto minor = [&](int row, int i, int j) {
-      return a[row][i] * a[row + 1][j] - a[row][j] * a[row + 1][i];
-    };
-    const Real s01 = minor(0, 0, 1), s02 = minor(0, 0, 2), s03 = minor(0, 0, 3);
-    const Real s12 = minor(0, 1, 2), s13 = minor(0, 1, 3), s23 = minor(0, 2, 3);
-    const Real c01 = minor(2, 0, 1), c02 = minor(2, 0, 2), c03 = minor(2, 0, 3);
-    const Real c12 = minor(2, 1, 2), c13 = minor(2, 1, 3), c23 = minor(2, 2, 3);
-    for (int j = 0; j < 4; ++j) {
-      // Column j: row j^1 of a, the other row of its half, times the minors of the other half.
-      const auto& r = a[j ^ 1];
-      const Real sign = j % 2 == 0 ? 1 : -1;
-      const bool upper = j < 2;
-      const Real m01 = upper ? c01 : s01, m02 = upper ? c02 : s02, m03 = upper ? c03 : s03;
-      const Real m12 = upper ? c12 : s12, m13 = upper ? c13 : s13, m23 = upper ? c23 : s23;
-      b[0][j] = sign * (r[1] * m23 - r[2] * m13 + r[3] * m12);
-      b[1][j] = sign * (r[2] * m03 - r[0] * m23 - r[3] * m02);
-      b[2][j] = sign * (r[0] * m13 - r[1] * m03 + r[3] * m01);
-      b[3][j] = sign * (r[1] * m02 - r[0] * m12 - r[2] * m01);
-    }
-    return s01 * c23 - s02 * c13 + s03 * c12 + s12 * c03 - s13 * c02 + s23 * c01;
-  }
-}
+constexpr int sign_of(Real value) { return (value > 0) - (value < 0); }
 
-/// Up to 4×4.
-template <int N>
-Inverted by_adjugate(const Square& a, const Unknowns& size, Square& inverse) {
-  const Real determinant = adjugate<N>(a, inverse), per_determinant = 1 / determinant;
-  Real unit = kSingular;
-  for (int i = 0; i < N; ++i) {
-    unit *= size[i];
-    for (int j = 0; j < N; ++j) inverse[i][j] *= per_determinant;
-  }
-  // false for a NaN
-  return {determinant * determinant > unit, (determinant > 0) - (determinant < 0)};
+/// f(n), with the loops unrolled for six rods: at a half of the cost.
+template <class F>
+void with_size(int n, F&& f) {
+  n == 6 ? f(std::integral_constant<int, 6>{}) : f(n);
 }
+}  // namespace
 
-/// Gauss-Jordan elimination in place, pivots by rows, which stay where they are: row p[k] is the
-/// k-th. @tparam N  the size where the compiler knows it, at a half of the cost; 0: n
-/// @tparam Whole  false: only down to a triangle, for the determinant
-template <int N, bool Whole = true>
-Inverted by_elimination(int size_of, const Square& a, const Unknowns& size, Square& inverse) {
-  const int n = N > 0 ? N : size_of;
-  constexpr int width = N > 0 ? N : kMaxUnknowns;
-  Real m[width][width], pivots[width];
-  std::array<int, width> p;
+Factors::Factors(int rows, int n, const Unknowns* a, const Unknowns& size, Real damping)
+    : rows_(rows), n_(n), a_(a), square_(rows == n && !(damping > 0)), small_(square_ && n <= 4) {
+  if (small_) {
+    adjugate(size);
+    return;
+  }
   for (int i = 0; i < n; ++i) {
-    p[i] = i;
-    for (int j = 0; j < n; ++j) m[i][j] = a[i][j];
+    order_[i] = i;
+    for (int j = 0; j < n; ++j)
+      lu_[i][j] = square_ ? a[i][j] : sum_of(rows, [&](int k) { return a[k][i] * a[k][j]; });
+    if (!square_) lu_[i][i] += damping * size[i];
   }
-  Inverted result{true, 1};
-  for (int k = 0; k < n; ++k) {
-    int best = k;
-    for (int i = k + 1; i < n; ++i)
-      if (std::fabs(m[p[i]][k]) > std::fabs(m[p[best]][k])) best = i;
-    if (best != k) result.sign = -result.sign;
-    std::swap(p[k], p[best]);
-    Real* row = m[p[k]];
-    const Real pivot = row[k], per_pivot = 1 / pivot;
-    // Against its column's size; false for a NaN.
-    result.regular = result.regular && pivot * pivot > kSingular * size[k];
-    result.sign = pivot > 0 ? result.sign : pivot < 0 ? -result.sign : 0;
-    row[k] = 1;
-    for (int j = 0; j < n; ++j) pivots[j] = row[j] *= per_pivot;
-    for (int t = Whole ? 0 : k + 1; t < n; ++t) {
-      if (t == k) continue;
-      Real* other = m[p[t]];
-      const Real factor = other[k];
-      other[k] = 0;
-#pragma GCC unroll 6
-      for (int j = 0; j < n; ++j) other[j] -= factor * pivots[j];
-    }
-  }
-  for (int i = 0; i < n && Whole; ++i)
-#pragma GCC unroll 6
-    for (int j = 0; j < n; ++j) inverse[i][p[j]] = m[p[i]][j];
-  return result;
+  factorise(size);
 }
 
-/// By the normal equations; kept apart, whose stack is twice that of a square matrix.
-[[gnu::noinline]] Inverted by_least_squares(int rows, int n, const Square& a, const Unknowns& size,
-                                            Real damping, Square& inverse) {
-  const NormalEquations normal(rows, n, a, size, damping);
-  for (int j = 0; j < rows; ++j) {
-    const Unknowns column = normal.column(j, 1);
-    for (int i = 0; i < n; ++i) inverse[i][j] = column[i];
+void Factors::adjugate(const Unknowns& size) {
+  const auto entry = [&](int i, int j) { return i < n_ && j < n_ ? a_[i][j] : Real(i == j); };
+  const auto column = [&](int j) { return Vec3(entry(0, j), entry(1, j), entry(2, j)); };
+  const Vec3 a = column(0), b = column(1), c = column(2), d = column(3);
+  const Real x = entry(3, 0), y = entry(3, 1), z = entry(3, 2), w = entry(3, 3);
+  const Vec3 s = a.cross(b), t = c.cross(d), u = y * a - x * b, v = w * c - z * d;
+  const Vec3 first[]{b.cross(v) + y * t, v.cross(a) - x * t, d.cross(u) + w * s,
+                     u.cross(c) - z * s};
+  const Real last[]{-b.dot(t), a.dot(t), -d.dot(s), c.dot(s)};
+  const Real determinant = s.dot(v) + t.dot(u), per_determinant = 1 / determinant;
+  Real unit = kSingular;
+  for (int i = 0; i < n_; ++i) {
+    unit *= size[i];
+    for (int j = 0; j < n_; ++j) lu_[i][j] = per_determinant * (j < 3 ? first[i][j] : last[i]);
   }
-  if (damping > 0) return {normal.regular(), 0};
+  regular_ = determinant * determinant > unit;  // false for a NaN
+  sign_ = sign_of(determinant);
+}
+
+void Factors::factorise(const Unknowns& size) {
+  sign_ = square_;
+  with_size(n_, [&](auto n) {
+    for (int k = 0; k < n; ++k) {
+      int best = k;
+      for (int i = k + 1; i < n && square_; ++i)
+        if (std::fabs(lu_[i][k]) > std::fabs(lu_[best][k])) best = i;
+      if (best != k) {
+        sign_ = -sign_;
+        std::swap(order_[k], order_[best]);
+        std::swap(lu_[k], lu_[best]);
+      }
+      const Real pivot = lu_[k][k];
+      // Against its column's size; false for a NaN.
+      regular_ = regular_ && (square_ ? pivot * pivot : pivot) > kSingular * size[k];
+      sign_ *= sign_of(pivot);
+      inverse_[k] = 1 / pivot;
+      for (int i = k + 1; i < n; ++i) {
+        const Real factor = lu_[i][k] *= inverse_[k];
+        for (int j = k + 1; j < n; ++j) lu_[i][j] -= factor * lu_[k][j];
+      }
+    }
+  });
+}
+
+Unknowns Factors::solve(const Real* b) const {
+  Unknowns x;
+  if (small_) {
+    for (int i = 0; i < n_; ++i) x[i] = sum_of(n_, [&](int j) { return lu_[i][j] * b[j]; });
+    return x;
+  }
+  for (int i = 0; i < n_; ++i)
+    x[i] = square_ ? b[order_[i]] : sum_of(rows_, [&](int k) { return a_[k][i] * b[k]; });
+  with_size(n_, [&](auto n) {
+    for (int i = 1; i < n; ++i)
+      for (int k = 0; k < i; ++k) x[i] -= lu_[i][k] * x[k];
+    for (int i = n - 1; i >= 0; --i) {
+      for (int k = i + 1; k < n; ++k) x[i] -= lu_[i][k] * x[k];
+      x[i] *= inverse_[i];
+    }
+  });
+  return x;
+}
+
+Unknowns Factors::column(int j) const {
+  std::array<Real, kMaxRods> unit{};
+  unit[j] = 1;
+  return solve(unit.data());
+}
+
+void Factors::invert(Square& inverse) const {
+  for (int j = 0; j < rows_; ++j) {
+    if (small_) {
+      std::copy_n(lu_[j].begin(), n_, inverse[j].begin());
+      continue;
+    }
+    const Unknowns by = column(j);
+    for (int i = 0; i < n_; ++i) inverse[i][j] = by[i];
+  }
+}
+
+Inverted invert(int rows, int n, const Square& a, const Unknowns& size, Square& inverse) {
+  const Factors factors(rows, n, a.data(), size);
+  factors.invert(inverse);
+  if (rows == n) return {factors.regular(), factors.sign()};
   // A⁺ ← (2 - A⁺A) A⁺: AᵀA has the square of A's condition number, this error has not.
   const Square first = inverse;
   for (int i = 0; i < n; ++i) {
-    std::array<Real, kMaxUnknowns> left;
+    Unknowns left;
     for (int l = 0; l < n; ++l)
       left[l] = (i == l ? 2 : 0) - sum_of(rows, [&](int k) { return first[i][k] * a[k][l]; });
     for (int j = 0; j < rows; ++j)
       inverse[i][j] = sum_of(n, [&](int l) { return left[l] * first[l][j]; });
   }
-  return {normal.regular(), 0};
-}
-}  // namespace
-
-Inverted invert(int rows, int n, const Square& a, const Unknowns& size, Real damping,
-                Square& inverse) {
-  if (damping > 0 || rows > n) return by_least_squares(rows, n, a, size, damping, inverse);
-  switch (n) {
-    case 1: return by_adjugate<1>(a, size, inverse);
-    case 2: return by_adjugate<2>(a, size, inverse);
-    case 3: return by_adjugate<3>(a, size, inverse);
-    case 4: return by_adjugate<4>(a, size, inverse);
-    case 6: return by_elimination<6>(n, a, size, inverse);
-    default: return by_elimination<0>(n, a, size, inverse);
-  }
-}
-
-int determinant_sign(int n, const Square& a) {
-  Square inverse;
-  if (n <= 4) return invert(n, n, a, {}, 0, inverse).sign;
-  if (n == 6) return by_elimination<6, false>(n, a, {}, inverse).sign;
-  return by_elimination<0, false>(n, a, {}, inverse).sign;
+  return {factors.regular(), 0};
 }
 }  // namespace truepose

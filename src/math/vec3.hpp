@@ -110,8 +110,4 @@ constexpr Mat3 operator+(Mat3 A, const Mat3& B) { return A += B; }
 constexpr Mat3 operator-(const Mat3& A, const Mat3& B) { return A + -1 * B; }
 /// a bᵀ
 constexpr Mat3 outer(const Vec3& a, const Vec3& b) { return {{b.x() * a, b.y() * a, b.z() * a}}; }
-/// AᵀB of two vectors' matrix and vector: Aᵀ b.
-constexpr Vec3 transposed(const Mat3& A, const Vec3& b) {
-  return {A.col(0).dot(b), A.col(1).dot(b), A.col(2).dot(b)};
-}
 }  // namespace truepose

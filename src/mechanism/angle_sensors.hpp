@@ -13,11 +13,9 @@ namespace truepose {
 /// sensor's own (normal, direction × normal, direction), carried by platform or bar.
 Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen);
 
-inline Sensed sense(Is<SensorKind::rod_in_plane>, const Sensor& sensor, const SeenChain& seen) {
-  return sense_rod_angle(sensor, seen);
-}
-
-inline Sensed sense(Is<SensorKind::rod_lateral>, const Sensor& sensor, const SeenChain& seen) {
+template <SensorKind kind>
+  requires(kind == SensorKind::rod_in_plane || kind == SensorKind::rod_lateral)
+inline Sensed sense(Is<kind>, const Sensor& sensor, const SeenChain& seen) {
   return sense_rod_angle(sensor, seen);
 }
 

@@ -7,24 +7,22 @@ void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
   const Real unit = (robot.chain[0].base - robot.axis[0].origin).norm();
   for (int step = 0; step < kAngleSteps; ++step) {
     const Carried carried = carried_frames(robot, pose);
-    const Vec3 shift = seen.D - carried.pose.D;
     const Vec3 turn = unit * log_so3(seen.R * carried.pose.R.transpose());
-    Square N;
-    Coordinates size, b;
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j)
-        N[i][j] = carried.linear[i].dot(carried.linear[j]) +
-                  unit * unit * carried.axis[i].dot(carried.axis[j]);
-      size[i] = N[i][i];
-      b[i] = carried.linear[i].dot(shift) + unit * carried.axis[i].dot(turn);
+    Square by;
+    Unknowns size{}, off;
+    twist_row(seen.D - carried.pose.D, turn, off.data());
+    for (int j = 0; j < n; ++j) {
+      Unknowns column;
+      twist_row(carried.linear[j], unit * carried.axis[j], column.data());
+      for (int i = 0; i < 6; ++i) by[i][j] = column[i], size[j] += column[i] * column[i];
     }
-    const Ldlt factors(n, N, size);
+    const Factors factors(6, n, by.data(), size);
     if (!factors.regular()) return;
-    factors.solve(b);
+    const Unknowns motion = factors.solve(off.data());
     Real moved = 0;
     for (int j = 0; j < n; ++j) {
-      pose.D[j] += b[j];
-      moved = std::max(moved, std::fabs(b[j]));
+      pose.D[j] += motion[j];
+      moved = std::max(moved, std::fabs(motion[j]));
     }
     if (!(moved > by_precision(1e-13, 1e-6))) return;
   }

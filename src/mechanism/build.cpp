@@ -127,4 +127,10 @@ engine::Row stand(const Robot& robot, const Built& built, const Joint& q, const 
   std::fill(y.begin() + built.turn, y.begin() + m.freedoms, -pose.theta);
   return y;
 }
+
+void stand(const Robot& robot, const Closure& closure, Built& built, engine::Position& at) {
+  build(robot, Layout::ideal, built);
+  at.y = stand(robot, built, closure.q(), closure.pose);
+  engine::place(built.mechanism, at);
+}
 }  // namespace truepose

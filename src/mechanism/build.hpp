@@ -44,4 +44,7 @@ inline Vec3 pair_direction(const Chain& chain) {
 /// y with the motors at q and the platform at a pose of the ideal level: untilted, the bars in
 /// their orientation.
 engine::Row stand(const Robot& robot, const Built& built, const Joint& q, const Pose& pose);
+
+/// A closure of the ideal level as a position of its mechanism.
+void stand(const Robot& robot, const Closure& closure, Built& built, engine::Position& at);
 }  // namespace truepose

@@ -55,14 +55,6 @@ Real shortfall(const Chain& chain, const Vec3& d) {
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
-Real read_with_errors(const Chain& chain, Real position, ChainState& state) {
-  const Encoded read = encode(chain, position);
-  state.rate = 1 / read.slope;
-  state.jq *= state.rate;
-  state.dB *= state.rate;
-  return read.value;
-}
-
 bool close(const Chain& chain, const Vec3& d, bool angle, ChainState& state) {
   const Real sign = chain.working_mode, d2 = d.squaredNorm();
   Real position = 0;
@@ -73,7 +65,6 @@ bool close(const Chain& chain, const Vec3& d, bool angle, ChainState& state) {
       state.p = state.dB = Vec3::Zero();
       state.jq = -position;
       if (!(position > 0 && position < INFINITY)) return false;
-      if (chain.encoder_errs) position = read_with_errors(chain, position, state);
       break;
     }
     case Actuator::prismatic: {
@@ -84,7 +75,6 @@ bool close(const Chain& chain, const Vec3& d, bool angle, ChainState& state) {
       position = along + state.jq;
       state.p = position * chain.axis;
       state.dB = chain.axis;
-      if (chain.encoder_errs) position = read_with_errors(chain, position, state);
       break;
     }
     default: {  // a cos q + b sin q = c, from |p - d|² = L²
@@ -95,13 +85,19 @@ bool close(const Chain& chain, const Vec3& d, bool angle, ChainState& state) {
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);
       const Real cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
-      if (angle)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
+      if (angle || chain.encoder_errs)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
         position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;
       state.dB = cosine * w - sine * e;
-      if (chain.encoder_errs) position = read_with_errors(chain, std::atan2(sine, cosine), state);
       break;
     }
+  }
+  if (chain.encoder_errs) {
+    const Encoded read = encode(chain, position);
+    position = read.value;
+    state.rate = 1 / read.slope;
+    state.jq *= state.rate;
+    state.dB *= state.rate;
   }
   state.q = position - chain.encoder_offset;
   state.v = state.p - d;

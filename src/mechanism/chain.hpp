@@ -82,10 +82,6 @@ inline Real jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
 /// circle or a line, to A = P + d; 0 where the chain closes and for telescopic legs.
 Real shortfall(const Chain& chain, const Vec3& d);
 
-/// Returns the reading, without the offset, of an encoder with errors, and converts derivatives to
-/// that q. Not part of close(), whose usual path then costs nothing extra.
-Real read_with_errors(const Chain& chain, Real position, ChainState& state);
-
 /// Closes a chain on A, d = A - P: two spheres (or sphere and line) meet in two points; the working
 /// mode selects one. J_q's entry results as ± the root, without a division; no quotient by G, M or
 /// N appears, and no arm position is special. @param angle  false: q is left out, the only

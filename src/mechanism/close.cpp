@@ -61,53 +61,17 @@ Freedoms inverse(const Mechanism& mechanism) {
   return list;
 }
 
-Equations::Equations(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
-                     Real damping, bool stressed)
-    : closures_(mechanism.closures),
-      unknowns_(unknown.count + stressed),
-      factor_(factored(mechanism, at, unknown, damping)) {}
-
-Ldlt Equations::factored(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
-                         Real damping) {
-  Square normal{};  // AᵀA + damping · diag(size), lower triangle
-  Unknowns size{};
+ClosureRows::ClosureRows(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+                         bool stressed) {
   Row sizes{};
-  for (int i = 0; i < closures_; ++i) {
+  for (int i = 0; i < mechanism.closures; ++i) {
     const Row by = row(mechanism, at, i, sizes);
-    Unknowns& A = A_[i];
-    for (int j = 0; j < unknown.count; ++j) A[j] = by[unknown.index[j]];
-    if (unknowns_ > unknown.count) {  // f - λ stress: λ is the last unknown
-      A[unknown.count] = -at.stress[i];
-      size[unknown.count] += at.stress[i] * at.stress[i];
-    }
-    for (int j = 0; j < unknowns_; ++j)
-      for (int k = 0; k <= j; ++k) normal[j][k] += A[j] * A[k];
+    for (int j = 0; j < unknown.count; ++j) A[i][j] = by[unknown.index[j]];
+    if (!stressed) continue;
+    A[i][unknown.count] = -at.stress[i];  // f - λ stress
+    size[unknown.count] += at.stress[i] * at.stress[i];
   }
   for (int j = 0; j < unknown.count; ++j) size[j] = sizes[unknown.index[j]];
-  for (int j = 0; j < unknowns_; ++j) normal[j][j] += damping * size[j];
-  return {unknowns_, normal, size};
-}
-
-Unknowns Equations::solve(const std::array<Real, kClosures>& b) const {
-  Unknowns x;
-  for (int j = 0; j < unknowns_; ++j)
-    x[j] = sum_of(closures_, [&](int i) { return A_[i][j] * b[i]; });
-  factor_.solve(x);
-  return x;
-}
-
-Unknowns Equations::column(int closure) const {
-  Unknowns x = A_[closure];
-  factor_.solve(x);
-  return x;
-}
-
-std::array<Real, kClosures> Equations::unrelieved(int closure) const {
-  const Unknowns x = column(closure);
-  std::array<Real, kClosures> rest{};
-  for (int i = 0; i < closures_; ++i)
-    rest[i] = Real(i == closure) - sum_of(unknowns_, [&](int j) { return A_[i][j] * x[j]; });
-  return rest;
 }
 
 FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknown, int most,
@@ -138,7 +102,7 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
           return Equations(mechanism, from, unknown, damping);
         },
         [&](const Position& from, const Equations& equations, Position& after) {
-          move(mechanism, from, unknown, equations.solve(from.f), after);
+          move(mechanism, from, unknown, equations.solve(from.f.data()), after);
           place(mechanism, after, moving);
         });
     if (current != &at) at = *current;
@@ -146,9 +110,7 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
   result.iterations = end.iterations;
   result.residual = at.residual;
   if (!(at.residual < kClosed * scale)) {
-    // Close, but crawling: towards a singular position (fkm.hpp).
-    const bool crawls = at.residual < fkm_detail::kCrawls * scale && end.damping > 0;
-    result.status = crawls ? Status::singular : Status::not_converged;
+    result.status = end.crawls(at.residual, scale) ? Status::singular : Status::not_converged;
   } else if (!end.regular) {
     result.status = Status::singular;
   } else if ((result.chain = other_working_mode(mechanism, at)) >= 0) {
@@ -169,19 +131,13 @@ Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& u
   std::array<Real, kClosures> f;
   for (int j = 0; j < held.count; ++j) {
     for (int i = 0; i < mechanism.closures; ++i) f[i] = -by[i][held.index[j]];
-    const Unknowns column = equations.solve(f);
+    const Unknowns column = equations.solve(f.data());
     for (int i = 0; i < unknown.count; ++i) rates[i][j] = column[i];
   }
   return {};
 }
 
 int mode_of(const Mechanism& mechanism, const Position& at) {
-  const Freedoms free = forward(mechanism);
-  Square rows;
-  for (int i = 0; i < mechanism.closures; ++i) {
-    const Row by = row(mechanism, at, i);
-    for (int j = 0; j < free.count; ++j) rows[i][j] = by[free.index[j]];
-  }
-  return free.count == mechanism.closures ? determinant_sign(free.count, rows) : 0;
+  return Equations(mechanism, at, forward(mechanism), 0, false).sign();
 }
 }  // namespace truepose::engine

@@ -14,15 +14,17 @@ constexpr Unknowns ones() {
 
 Conditioning::Conditioning(const Closure& closure)
     : n_(closure.carried.n), motors_(closure.motors) {
-  unit_ = jx_rows(closure.carried, motors_, lines_, [&](int i) {
+  Joint scale;
+  for (int i = 0; i < motors_; ++i) {
     const ChainState& chain = closure.chain[i];
     length_[i] = chain.v.norm();
+    scale[i] = 1 / length_[i];
     // A telescopic leg always drives along itself.
     const Real dB = chain.dB.norm();
     speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
     serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
-    return std::pair((1 / length_[i]) * chain.v, chain.lever);
-  });
+  }
+  unit_ = jx_rows(closure, scale, lines_);
   for (int j = 0; j < n_; ++j) {
     unit_[j] = std::sqrt(unit_[j]);
     for (int i = 0; i < motors_; ++i) {
@@ -31,7 +33,7 @@ Conditioning::Conditioning(const Closure& closure)
     }
   }
   Square rows;
-  inverse_ = invert(motors_, n_, lines_, ones(), 0, rows);
+  inverse_ = invert(motors_, n_, lines_, ones(), rows);
   Real inverse2 = 0;
   for (int i = 0; i < n_; ++i)
     for (int j = 0; j < motors_; ++j) inverse2 += rows[i][j] * rows[i][j];
@@ -66,11 +68,10 @@ bool Conditioning::damped(const Closure& closure, Real band, Square& J) const {
     }
   }
   const Real part = damping(parallel_, band) * square / (n_ * n_);
-  const NormalEquations equations(motors_, n_, rows, ones(), part);
-  for (int j = 0; j < motors_; ++j) {
-    const Unknowns column = equations.column(j, scale[j]);
-    for (int i = 0; i < n_; ++i) J[i][j] = column[i] / unit_[i];
-  }
+  const Factors equations(motors_, n_, rows.data(), ones(), part);
+  equations.invert(J);
+  for (int i = 0; i < n_; ++i)
+    for (int j = 0; j < motors_; ++j) J[i][j] *= scale[j] / unit_[i];
   return equations.regular();
 }
 

@@ -12,18 +12,17 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
   Real moves = INFINITY;
   while (end.iterations < most && end.regular && moves > kNothingToGain) {
     ++end.iterations;
-    Joint jq, gap;
+    Joint gap;
     for (int i = 0; i < m; ++i) {
-      jq[i] = jq_entry(robot.chain[i], at.v[i], driven[i]);
-      gap[i] = at.f[i] / jq[i];
+      at.chain[i].jq = jq_entry(robot.chain[i], at.chain[i].v, driven[i]);
+      gap[i] = at.f[i] / at.chain[i].jq;
     }
     Square K;
-    const Unknowns size = jx_rows(
-        at.carried, m, K, [&](int i) { return std::pair((1 / jq[i]) * at.v[i], at.lever[i]); });
-    const NormalEquations equations(m, n, K, size);
+    const Unknowns size = inverse_rows(at, K);
+    const Factors equations(m, n, K.data(), size);
     end.regular = equations.regular();
     if (!end.regular) return false;
-    const Unknowns step = equations.solve(gap);
+    const Unknowns step = equations.solve(gap.data());
     Coordinates motion{};
     std::copy_n(step.begin(), n, motion.begin());
     moves = 0;
@@ -50,24 +49,17 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   Loops iterates[2], *current = &iterates[0], *trial = &iterates[1];
   current->place(robot, driven, pose);
   if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
-
-  struct Inverse : Inverted {
-    Square rows;
-    bool regular() const { return Inverted::regular; }
-  };
   Square jx;
   NewtonEnd end = damped_newton(
       current, trial, scale, most,
       [&](const Loops& at, Real damping) {
-        Inverse inverse;
-        const Unknowns size = at.jx(m, jx);
-        static_cast<Inverted&>(inverse) = invert(m, n, jx, size, damping, inverse.rows);
-        return inverse;
+        const Unknowns size = jx_rows(at, jx);
+        return Factors(m, n, jx.data(), size, damping);
       },
-      [&](const Loops& at, const Inverse& inverse, Loops& after) {
+      [&](const Loops& at, const Factors& factors, Loops& after) {
+        const Unknowns step = factors.solve(at.f.data());
         Coordinates motion;
-        for (int j = 0; j < n; ++j)
-          motion[j] = sum_of(m, [&](int i) { return inverse.rows[j][i] * at.f[i]; });
+        std::copy_n(step.begin(), n, motion.begin());
         after.place(robot, driven, moved(robot.mobility, at.pose, motion));
       },
       m > n ? kSettled : 0);
@@ -82,19 +74,21 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   }
   result.residual = current->residual;
   if (!(settled && current->residual < closed)) {
-    result.status = Status::not_converged;
+    const bool crawls = end.crawls(current->residual, scale);
+    result.status = crawls ? Status::singular : Status::not_converged;
   } else if (!end.regular) {
     result.status = Status::singular;
   } else {
     for (int i = 0; i < m; ++i) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
-          jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
+          jq_entry(chain, current->chain[i].v, driven[i]) * driven[i].rate * chain.working_mode <
+              0) {
         result.status = Status::branch_lost;
         result.chain = i;
       }
     }
-    current->jx(m, jx);
+    jx_rows(*current, jx);
     if (m == n && other_mode(robot.assembly_sign, determinant_sign(n, jx)))
       result.status = Status::branch_lost;
   }
@@ -102,8 +96,11 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   return result;
 }
 
-namespace fkm_detail {
-bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxMotors>& driven) {
+namespace {
+/// Whether it is certain that no pose closes the loops. Each chain holds D + R c_i on a sphere
+/// about S_i = B_i - a_i. Of the lengths |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
+/// none can exceed the sum of the others. Where R is known, the spheres themselves decide.
+bool no_pose(const Robot& robot, const Joint& q) {
   const bool turns = turns_about_z(robot.mobility) || robot.mobility >= Mobility::spatial;
   if (robot.mobility == Mobility::translation) {
     Vec3 D;
@@ -113,7 +110,7 @@ bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxMo
   for (int i = 0; i < robot.motors; ++i)
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
-      const Driven &from = driven[i], &to = driven[j];
+      const Driven from = driven_point(one, q[i]), to = driven_point(other, q[j]);
       const Vec3 pivots = one.pivot - other.pivot;
       Vec3 centres = one.base + from.p - one.anchor - other.base - to.p + other.anchor;
       if (!turns) centres -= pivots;
@@ -125,27 +122,7 @@ bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxMo
   return false;
 }
 
-bool crawled(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, const Pose& pose,
-             Real residual) {
-  Real scale = 0;
-  for (int i = 0; i < robot.chains; ++i) scale = std::max(scale, driven[i].rod);
-  if (!(residual < kCrawls * scale)) return false;
-  Closure closure;
-  closure.pose = pose;
-  closure.motors = robot.motors;
-  carry(robot, pose, closure.carried);
-  const Pose& placed = closure.placed();
-  for (int i = 0; i < robot.motors; ++i) {
-    const Chain& chain = robot.chain[i];
-    ChainState& state = closure.chain[i];
-    state.lever = placed.R * chain.pivot;
-    state.v = chain.base + driven[i].p - placed.D - state.lever - chain.anchor;
-    state.dB = driven[i].dB;
-    state.rate = driven[i].rate;
-  }
-  return Conditioning(closure).parallel() < kDependent;
-}
-
+/// Whether a pose is in the robot's own assembly mode.
 bool own_mode(const Robot& robot, const Pose& pose) {
   Closure closure;
   Jacobians jacobians;
@@ -153,52 +130,45 @@ bool own_mode(const Robot& robot, const Pose& pose) {
          !other_mode(robot.assembly_sign, jacobians.sign);
 }
 
+/// Searches again from home, with the motors moved to q in stages. Applies where the first search
+/// found no pose or jumped from the robot's own assembly mode into another.
+/// @param pose  in: the end of the first search from `guess`; out: the pose, or unchanged
 FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, const Pose& guess,
                            Pose& pose, int cap) {
   const bool went = first.status == Status::not_converged || first.status == Status::singular ||
                     first.status == Status::branch_lost;
   if (!went) return first;  // no start has a pose for such an input
   if (first.status == Status::branch_lost && !own_mode(robot, guess)) return first;
-  const bool open = first.status == Status::not_converged;
-  std::array<Driven, kMaxMotors> driven;
-  for (int i = 0; i < robot.motors && open; ++i) driven[i] = driven_point(robot.chain[i], q[i]);
-  if (open && no_pose(robot, q, driven)) {
+  if (first.status == Status::not_converged && no_pose(robot, q)) {
     first.status = Status::unreachable;
     return first;
   }
+  const int most = std::min(kFkmIterations, cap - first.iterations);
   Closure home;
-  int most = std::min(kFkmIterations, cap - first.iterations);
-  if (most < 2 * kFkmStages) most = 0;  // a stage needs at least two steps
   FkmResult second{{Status::not_converged}};
-  if (most > 0) second.status = ikm(robot, to_pose(robot.mobility, robot.home), home).status;
+  if (most >= 2 * kFkmStages)  // a stage needs at least two steps
+    second.status = ikm(robot, to_pose(robot.mobility, robot.home), home).status;
   Pose at = home.pose;
-  int stage = 0, left = most;
-  while (second && stage < kFkmStages && left > 0) {
-    ++stage;
-    Joint motors{};
-    for (int i = 0; i < robot.motors; ++i) {
-      const Real way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
-      motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
-    }
-    second = search(robot, motors, at, left);
-    left -= second.iterations;
-  }
-  first.iterations += most - left;
-  if (second && stage == kFkmStages) {
-    pose = at;
-    if (turns_about_z(robot.mobility)) pose.theta = theta_of(pose.R, guess.theta);
-    second.iterations = first.iterations;
-    return second;
-  }
-  if (open && crawled(robot, driven, pose, first.residual)) first.status = Status::singular;
-  return first;
+  if (second)
+    second = in_stages(most, [&](Real rest, int left) {
+      Joint motors{};
+      for (int i = 0; i < robot.motors; ++i)
+        motors[i] = q[i] - rest * within_turn(robot.chain[i], q[i] - home.chain[i].q);
+      return search(robot, motors, at, left);
+    });
+  second.iterations += first.iterations;
+  first.iterations = second.iterations;
+  if (!second) return first;
+  pose = at;
+  if (turns_about_z(robot.mobility)) pose.theta = theta_of(pose.R, guess.theta);
+  return second;
 }
-}  // namespace fkm_detail
+}  // namespace
 
 FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap) {
   const Pose guess = pose;
   const FkmResult first = search(robot, q, pose, std::min(kFkmIterations, cap));
   if (first) return first;
-  return fkm_detail::search_from_home(robot, q, first, guess, pose, cap);
+  return search_from_home(robot, q, first, guess, pose, cap);
 }
 }  // namespace truepose

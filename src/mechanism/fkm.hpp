@@ -13,9 +13,9 @@ inline constexpr int kFkmStages = 4;       ///< in the second search, from home
 /// guess and 7 from home (tests/cpp/test_forward_kinematics.cpp).
 inline constexpr int kFkmCap = 2 * kFkmIterations;
 
-/// Cap where the pose only starts another search. Only poses near singularities need more, and from
-/// there the other search converges by itself.
-inline constexpr int kFkmStart = 24;
+/// Cap where the pose only starts another search: from near a singularity that one converges by
+/// itself.
+inline constexpr int kFkmStart = kUsualSteps;
 
 /// Motors beyond the freedoms leave the loops open by what their readings disagree. As share of the
 /// longest rod, gaps up to this belong to a pose: errors of geometry and of references, not a
@@ -36,33 +36,19 @@ struct [[nodiscard]] FkmResult : Outcome {
 /// the guess; out: the pose or last iterate
 FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations);
 
-namespace fkm_detail {
-/// Residual, in units of the longest rod, below which a slowly converging search is near a double
-/// root: its steps halve the distance, and the residual goes with their square.
-inline constexpr Real kCrawls = by_precision(1e-9, 1e-6);
-/// Conditioning there, of the order of the square root of kCrawls.
-inline constexpr Real kDependent = 1e-4;
-
-/// Whether it is certain that no pose closes the loops. Each chain holds D + R c_i on a sphere
-/// about S_i = B_i - a_i. Of the lengths |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
-/// none can exceed the sum of the others. Where R is known, the spheres themselves decide.
-bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kMaxMotors>& driven);
-
-/// Whether a search converged slowly to a singular pose: the loops are closed up to its small
-/// steps, and the rods' lines are dependent. (J_x is singular, J_xᵀf = 0, also where a search ends
-/// with open loops, but that does not exclude other poses.)
-bool crawled(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, const Pose& pose,
-             Real residual);
-
-/// Whether a pose is in the robot's own assembly mode.
-bool own_mode(const Robot& robot, const Pose& pose);
-
-/// Searches again from home, with the motors moved to q in stages. Applies where the first search
-/// found no pose or jumped from the robot's own assembly mode into another.
-/// @param pose  in: the end of the first search from `guess`; out: the pose, or unchanged
-FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, const Pose& guess,
-                           Pose& pose, int cap);
-}  // namespace fkm_detail
+/// Searches with what is held moved to its end in stages.
+/// @param search  search(rest, most): with this share of the way to go, in at most so many steps
+template <class Search>
+FkmResult in_stages(int most, Search&& search) {
+  FkmResult result;
+  for (int stage = kFkmStages - 1; stage >= 0 && result; --stage) {
+    const int tried = result.iterations;
+    if (tried >= most) return {{Status::not_converged}, tried};
+    result = search(Real(stage) / kFkmStages, most - tried);
+    result.iterations += tried;
+  }
+  return result;
+}
 
 /// Computes the pose from the motors' positions q, by a search from the guess, then one from home
 /// if the first finds no pose in the robot's own modes.

@@ -26,31 +26,28 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   Mat3 T = Mat3::Zero();
   Vec3 h = Vec3::Zero();
   for (int i = 0; i < m; ++i) {
-    for (int column = 0; column < 3; ++column) T.col(column) += t[i][column] * t[i];
+    T += outer(t[i], t[i]);
     h += (0.5 * (g[i] + square)) * t[i];
   }
 
   // The columns of T's adjugate are the cross products of T's columns. For rank 2 each is a
   // multiple of the weakest direction; for rank 3 the longest is near it, which suffices.
-  const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
-             c = T.col(0).cross(T.col(1));
-  const Real aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
-  const Vec3 longest = aa >= bb ? (aa >= cc ? a : c) : (bb >= cc ? b : c);
+  const auto shorter = [](const Vec3& a, const Vec3& b) {
+    return a.squaredNorm() < b.squaredNorm();
+  };
+  const Vec3 longest = std::max(
+      {T.col(1).cross(T.col(2)), T.col(2).cross(T.col(0)), T.col(0).cross(T.col(1))}, shorter);
   const Real length = longest.norm(), size = T.trace();
   if (!std::isfinite(length)) return {Status::not_finite, -1};
   if (!(length > by_precision(1e-10, 1e-5) * size * size)) return {Status::singular, -1};
   const Vec3 weakest = longest / length;
 
-  // y = particular + λ direction: the 2×2 equations across it, solved for any component λ along it.
+  // y = particular + λ direction: e_k·T y = e_k·h across the weakest direction, λ along it.
   const Vec3 e1 = normal_to(weakest), e2 = weakest.cross(e1);
-  const Vec3 T1 = T * e1, T2 = T * e2;
-  const Real t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
-             per_det = 1 / (t11 * t22 - t12 * t12);
-  const auto across = [&](Real r1, Real r2) -> Vec3 {
-    return (per_det * (t22 * r1 - t12 * r2)) * e1 + (per_det * (t11 * r2 - t12 * r1)) * e2;
-  };
-  const Vec3 particular = across(e1.dot(h), e2.dot(h));
-  const Vec3 direction = weakest - across(weakest.dot(T1), weakest.dot(T2));
+  const Vec3 T1 = T * e1, T2 = T * e2, line = T1.cross(T2);
+  const Real per_det = 1 / weakest.dot(line);
+  const Vec3 direction = per_det * line;
+  const Vec3 particular = per_det * (e1.dot(h) * T2.cross(weakest) + e2.dot(h) * weakest.cross(T1));
   const Real A = direction.squaredNorm(), B = particular.dot(direction);
   const Real root2 = B * B - A * (particular.squaredNorm() - square);
   if (!(root2 >= 0)) return {Status::unreachable, -1};

@@ -11,19 +11,13 @@ FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& un
                           engine::Position& at) {
   const engine::Row end = at.y;
   at.y = m.home;
-  FkmResult result;
-  for (int stage = 1; stage <= kFkmStages && result; ++stage) {
-    const int left = most - result.iterations;
-    if (left <= 0) return {{Status::not_converged}, result.iterations, result.residual};
+  return in_stages(most, [&](Real rest, int left) {
     engine::Row y = end;
-    for (int j = 0; j < m.freedoms; ++j)
-      y[j] -= (end[j] - m.home[j]) * (kFkmStages - stage) / kFkmStages;
+    for (int j = 0; j < m.freedoms; ++j) y[j] -= rest * (end[j] - m.home[j]);
     for (int k = 0; k < unknown.count; ++k) y[unknown.index[k]] = at.y[unknown.index[k]];
     at.y = y;
-    const FkmResult next = engine::close(m, at, unknown, left);
-    result = {next, result.iterations + next.iterations, next.residual};
-  }
-  return result;
+    return engine::close(m, at, unknown, left);
+  });
 }
 
 /// Closes the rods for the unknown freedoms from the start in `closure`, and reads pose and motors
@@ -105,10 +99,6 @@ Outcome note_home(Robot& robot) {
 
 Outcome finish_full(Robot& robot) {
   if (!robot.finished) return {Status::unfinished, -1};
-  if (is_mechanism(robot.mobility)) {
-    robot.full = {FullKind::same, robot.mechanism.closures, 0, dof(robot.mobility)};
-    return {};
-  }
   const int n = dof(robot.mobility), motors = robot.motors;
   FullLevel& level = robot.full = {};
   bool described = true;
@@ -118,7 +108,7 @@ Outcome finish_full(Robot& robot) {
   }
   if (!paired(robot.mobility)) {
     level.kind = FullKind::same;
-    level.rods = motors;
+    level.rods = is_mechanism(robot.mobility) ? robot.mechanism.closures : motors;
     level.unknowns = n;
     return {};
   }
@@ -201,26 +191,22 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasi
 Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J) {
   const engine::Mechanism& m = closure.built.mechanism;
   const int n = m.coordinates;
-  // J; or with redundant motors K = ∂q/∂x, whose pseudo-inverse is in least squares of readings.
-  const bool over = overdriven(robot);
   engine::Freedoms x;
   x.add(m.motors, m.motors + n);
   Matrix<kMaxUnknowns, kMaxUnknowns> rates;
-  Outcome outcome = engine::follow(m, closure.at, over ? engine::inverse(m) : engine::forward(m),
-                                   over ? x : engine::motors(m), rates);
+  Outcome outcome = engine::follow(m, closure.at, engine::inverse(m), x, rates);
   if (outcome.chain >= 0) outcome.chain /= closure.built.rods_per_chain;
-  Square K, inverse;
+  Square K, inverse;  // K = ∂q/∂x
   Unknowns size{};
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
     if (slope == 0) return {Status::singular, j};  // its encoder does not see the motor
-    for (int i = 0; i < n && over; ++i) {
+    for (int i = 0; i < n; ++i) {
       K[j][i] = rates[j][i] * slope;
       size[i] += K[j][i] * K[j][i];
     }
-    for (int i = 0; i < n && !over; ++i) inverse[i][j] = rates[i][j] / slope;
   }
-  if (outcome && over && !invert(m.motors, n, K, size, 0, inverse)) return {Status::singular, -1};
+  if (outcome && !invert(m.motors, n, K, size, inverse)) return {Status::singular, -1};
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j)
     for (int i = 0; i < n; ++i) sum += J[i][j] = inverse[i][j];

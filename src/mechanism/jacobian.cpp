@@ -3,14 +3,37 @@
 
 #include "mechanism/full.hpp"
 
-#include <tuple>
-
 namespace truepose {
+Unknowns jx_rows(const Closure& closure, const Joint& scale, Square& rows) {
+  const Carried& carried = closure.carried;
+  const int n = carried.n;
+  const bool rotational = is_rotational(carried.mobility);
+  Real velocity = 0, turn = 0;
+  Unknowns size{};
+  for (int i = 0; i < closure.motors; ++i) {
+    const Vec3 v = scale[i] * closure.chain[i].v, &lever = closure.chain[i].lever;
+    jx_row(carried, v, lever, rows[i].data());
+    const Real v2 = v.squaredNorm();
+    velocity += v2;
+    turn += v2 * lever.squaredNorm();
+    for (int j = 0; j < n && rotational; ++j)
+      size[j] += v2 * (lever + carried.arm[j]).squaredNorm();
+  }
+  for (int j = 0; j < n && !rotational; ++j)
+    size[j] = free_columns(carried.mobility)[j] < 3 ? velocity : turn;
+  return size;
+}
+
+Unknowns jx_rows(const Closure& closure, Square& rows) {
+  Joint ones;
+  ones.fill(1);
+  return jx_rows(closure, ones, rows);
+}
+
 Unknowns inverse_rows(const Closure& closure, Square& K) {
-  return jx_rows(closure.carried, closure.motors, K, [&](int i) {
-    const ChainState& chain = closure.chain[i];
-    return std::pair((1 / chain.jq) * chain.v, chain.lever);
-  });
+  Joint scale;
+  for (int i = 0; i < closure.motors; ++i) scale[i] = 1 / closure.chain[i].jq;
+  return jx_rows(closure, scale, K);
 }
 
 namespace {
@@ -19,16 +42,14 @@ namespace {
   jacobians.sign = 0;
   Square K;
   const Unknowns sizes = inverse_rows(closure, K);
-  const bool inverse = bool(invert(jacobians.motors, jacobians.n, K, sizes, 0, jacobians.J));
+  const bool inverse = bool(invert(jacobians.motors, jacobians.n, K, sizes, jacobians.J));
   return {inverse ? Status::ok : Status::singular, -1};
 }
 }  // namespace
 
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   const int n = jacobians.n = closure.carried.n, m = jacobians.motors = closure.motors;
-  const Unknowns size = jx_rows(closure.carried, m, jacobians.jx, [&](int i) {
-    return std::tie(closure.chain[i].v, closure.chain[i].lever);
-  });
+  const Unknowns size = jx_rows(closure, jacobians.jx);
   for (int i = 0; i < m; ++i) jacobians.jq[i] = closure.chain[i].jq;
   for (int i = 0; i < m; ++i) {
     const ChainState& at = closure.chain[i];
@@ -36,7 +57,7 @@ Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
       return {Status::singular, i};
   }
   if (m > n) return invert_rows(closure, jacobians);
-  const Inverted inverse = invert(n, n, jacobians.jx, size, 0, jacobians.J);
+  const Inverted inverse = invert(n, n, jacobians.jx, size, jacobians.J);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
   jacobians.sign = inverse.sign;

@@ -11,29 +11,12 @@ inline void jx_row(const Carried& carried, const Vec3& v, const Vec3& lever, Rea
   free_row(carried, v, lever.cross(v), row);
 }
 
-/// J_x, and |column|² of it if nothing cancelled: Σ|v|² for columns of a velocity, Σ|R c|²|v|² for
-/// those of a turn, Σ|A - p_j|²|v|² for a passive axis. Where the rods meet in one point, the
-/// column of a turn vanishes relative to this size.
-/// @param rod  rod(i): v and lever of chain i
-template <class Rod>
-inline Unknowns jx_rows(const Carried& carried, int motors, Square& rows, Rod&& rod) {
-  const int n = carried.n;
-  const bool rotational = is_rotational(carried.mobility);
-  Real velocity = 0, turn = 0;
-  Unknowns size{};
-  for (int i = 0; i < motors; ++i) {
-    const auto& [v, lever] = rod(i);
-    jx_row(carried, v, lever, rows[i].data());
-    const Real v2 = v.squaredNorm();
-    velocity += v2;
-    turn += v2 * lever.squaredNorm();
-    for (int j = 0; j < n && rotational; ++j)
-      size[j] += v2 * (lever + carried.arm[j]).squaredNorm();
-  }
-  for (int j = 0; j < n && !rotational; ++j)
-    size[j] = free_columns(carried.mobility)[j] < 3 ? velocity : turn;
-  return size;
-}
+/// Rows scale_i v_i of J_x, and |column|² if nothing cancelled: Σ|v|² for columns of a velocity,
+/// Σ|R c|²|v|² for those of a turn, Σ|A - p_j|²|v|² for a passive axis. Where the rods meet in one
+/// point, the column of a turn vanishes relative to this size.
+Unknowns jx_rows(const Closure& closure, const Joint& scale, Square& rows);
+/// J_x itself.
+Unknowns jx_rows(const Closure& closure, Square& rows);
 
 /// J_x (m×n), the diagonal of J_q, and J (n×m) at a closed pose: J_x⁻¹ J_q, or with more motors m
 /// than freedoms n the pseudo-inverse K⁺ of K = J_q⁻¹ J_x. Both motor rates in least squares, ẋ = J

@@ -100,32 +100,26 @@ inline bool stretched(const Mechanism& mechanism, const Position& at, int closur
   return mechanism.closure[closure].motor >= 0 && mode_of(mechanism, at, closure) == 0;
 }
 
-/// The closures' equations A δ = b for the unknown freedoms, A = ∂f/∂unknown; in least squares
-/// where there are more closures (redundant motors).
-class Equations {
- public:
-  /// @param stressed  an elastic mechanism's stress is one unknown more, the last
+/// A = ∂f/∂unknown of all closures. @param stressed  an elastic mechanism's stress is one unknown
+/// more, the last
+struct ClosureRows {
+  ClosureRows(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
+              bool stressed);
+  std::array<Unknowns, kClosures> A;
+  Unknowns size{};  ///< as of Factors
+};
+
+/// The closures' equations A δ = b for the unknown freedoms; in least squares where there are more
+/// closures (redundant motors).
+struct Equations : ClosureRows, Factors {
   Equations(const Mechanism& mechanism, const Position& at, const Freedoms& unknown, Real damping,
-            bool stressed);
+            bool stressed)
+      : ClosureRows(mechanism, at, unknown, stressed),
+        Factors(mechanism.closures, unknown.count + stressed, A.data(), size, damping) {}
   Equations(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
             Real damping = 0)
       : Equations(mechanism, at, unknown, damping, mechanism.elastic) {}
-
-  bool regular() const { return factor_.regular(); }
-  /// A⁺ b.
-  Unknowns solve(const std::array<Real, kClosures>& b) const;
-  /// Column i of A⁺.
-  Unknowns column(int closure) const;
-  /// Column i of 1 - A A⁺: what no unknown relieves.
-  std::array<Real, kClosures> unrelieved(int closure) const;
-
- private:
-  Ldlt factored(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
-                Real damping);
-
-  int closures_, unknowns_;
-  std::array<Unknowns, kClosures> A_;
-  Ldlt factor_;
+  Equations(const Equations&) = delete;  // Factors read A
 };
 
 /// Solves all closures for the unknown freedoms, the others held, by damped Newton iteration.

@@ -13,14 +13,8 @@ int closure_column(const Robot& robot, int described) {
 }
 
 namespace {
-/// What a parameter of a chain changes, its encoder at rest.
-struct Change {
-  Vec3 A = Vec3::Zero(), B = Vec3::Zero();
-  Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
-  Real rod = 0;              ///< L
-  Real difference = 0;       ///< δ between the rods of a pair (full level)
-  Real spacing = 0;          ///< s between them
-};
+engine::Twist along(const Vec3& v) { return {v, Vec3::Zero()}; }
+engine::Twist about(const Vec3& point, const Vec3& turn) { return {point.cross(turn), turn}; }
 
 /// Derivative by a unit vector, which can only turn.
 Vec3 turned_only(const Vec3& slope, const Vec3& unit) { return slope - slope.dot(unit) * unit; }
@@ -59,6 +53,19 @@ struct Readings {
   }
   Real& entry(int sensor, int column) { return H[(m + sensor) * width + column]; }
 
+  /// A parameter that moves one end of a closure, A (0) or B (1), at fixed freedoms; with it turns
+  /// the frame of a joint that a sensor reads there.
+  void enter_end(int closure, int end, int column, const engine::Twist& twist) {
+    enter_closure(closure, column, (end == 0 ? 1 : -1) * (twist * at.line[closure]));
+    for (int k = 0; k < robot.r; ++k)
+      if (on_rod(robot.sensor[k]) && built.rod_of(robot.sensor[k]) == closure)
+        entry(k, column) += robot.sensor[k].gain * (twist * side[k][end].line);
+  }
+  /// One that makes a rod longer.
+  void enter_length(int closure, int column, Real longer) {
+    enter_closure(closure, column, -engine::length_of(built.mechanism, at, closure) * longer);
+  }
+
   /// A parameter that moves a body, and all that it carries, at fixed freedoms.
   void enter_twist(int body, int column, const engine::Twist& twist) {
     const engine::Mechanism& m_ = built.mechanism;
@@ -81,49 +88,34 @@ struct Readings {
   void parameter_columns(Real* H_xi);
 };
 
-/// Parameters of a chain displace points and lengths, at a fixed reading of its encoder.
+/// Parameters of a chain displace the ends of its rods, at a fixed reading of its encoder.
 void Readings::chain_columns(int i) {
   using enum ChainParameter;
   const Chain& chain = robot.chain[i];
-  const int first = built.rods_per_chain * i, last = first + built.rods_per_chain - 1;
   const Mat3& platform = at.frame[built.platform].R;
   const Mat3& body = chain.bar < 0 ? platform : at.frame[built.bar[i]].R;
-  const Vec3 p = 0.5 * (at.B[first] + at.B[last]) - chain.base;
-  const Vec3 u = pair_direction(chain), drawn = body * chain.pair_drawn;
   const auto column = [&](ChainParameter parameter) {
     return chain_column(i) + static_cast<int>(parameter);
   };
-  const auto enter = [&](int to, const Change& change) {
-    for (int rod = first; rod <= last; ++rod) {
-      const Real half = first == last ? 0 : rod == first ? 0.5 : -0.5;
-      const Vec3 pair = chain.rod_spacing * change.turn.cross(u) + change.spacing * u;
-      const Vec3 gap = change.A - change.B + half * (change.spacing * drawn - pair);  // of A - B
-      const Real longer = change.rod + half * change.difference;
-      const Real length = engine::length_of(built.mechanism, at, rod);
-      enter_closure(rod, to, at.line[rod].force.dot(gap) - length * longer);
-      for (int k = 0; k < robot.r; ++k) {
-        const Sensor& sensor = robot.sensor[k];
-        if (!on_chain(sensor) || built.rod_of(sensor) != rod) continue;
-        const Real turned = sensor.at_nacelle ? 0 : sensed[k].frame.dot(change.turn);
-        entry(k, to) += sensor.gain * (sensed[k].rod.dot(gap) + turned);
-      }
+  for (int side = 0; side < built.rods_per_chain; ++side) {
+    const int closure = built.rods_per_chain * i + side;
+    const Real half = built.rods_per_chain == 1 ? 0 : side == 0 ? 0.5 : -0.5;
+    for (int k = 0; k < 3; ++k) {
+      enter_end(closure, 1, column(base_x) + k, along(Vec3::Unit(k)));
+      enter_end(closure, 0, column(anchor_x) + k, along(body.col(k)));
     }
-  };
-  const bool revolute = chain.actuator == Actuator::revolute;
-  for (int k = 0; k < 3; ++k) {
-    enter(column(base_x) + k, {.B = Vec3::Unit(k)});
-    enter(column(anchor_x) + k, {.A = body.col(k)});
+    if (chain.actuator == Actuator::revolute)
+      enter_end(closure, 1, column(arm), along(at.frame[built.arm[i]].R * chain.zero));
+    if (chain.actuator != Actuator::telescopic) enter_length(closure, column(rod), 1);
+    enter_end(closure, 1, column(yaw), about(chain.base, Vec3::UnitZ()));  // adds to α
+    enter_end(closure, 1, column(tilt), about(chain.base, chain.zero));    // turns u about e
+    enter_length(closure, column(rod_difference), half);
+    enter_end(closure, 0, column(rod_spacing), along(half * (body * chain.pair_drawn)));
+    enter_end(closure, 1, column(rod_spacing), along(half * pair_direction(chain)));
+    if (chain.bar >= 0)  // c moves along itself
+      enter_end(closure, 0, bar_column(robot, chain.bar),
+                along((platform * chain.pivot).normalized()));
   }
-  if (revolute) enter(column(arm), {.B = p / chain.arm});
-  if (chain.actuator != Actuator::telescopic) enter(column(rod), {.rod = 1});
-  const Vec3 z = Vec3::UnitZ(), e = chain.zero;
-  enter(column(yaw), {.B = z.cross(p), .turn = z});   // adds to α
-  enter(column(tilt), {.B = e.cross(p), .turn = e});  // turns u about e
-  enter(column(rod_difference), {.difference = 1});
-  enter(column(rod_spacing), {.spacing = 1});
-  if (chain.bar >= 0)  // c moves along itself
-    enter(bar_column(robot, chain.bar), {.A = (platform * chain.pivot).normalized()});
-
   encoder_columns(i);
 }
 
@@ -170,54 +162,44 @@ void Readings::sensor_columns(int k) {
 /// sin φ δ + (1 - cos φ) d × δ about the joint, or moves it by φ δ along a slide.
 void Readings::joint_columns(int body, int first) {
   const engine::Body& joint = built.mechanism.body[body];
-  const engine::Frame& frame = at.frame[body];
-  const Mat3 R = joint.parent < 0 ? Mat3::Identity() : at.frame[joint.parent].R;
   const Vec3& d = joint.axis;
   const Real phi = joint.offset + joint.ratio * at.y[joint.freedom];
   const bool slides = joint.kind == engine::Kind::slide;
-  const auto about = [&](const Vec3& turn) { return engine::Twist{frame.p.cross(turn), turn}; };
-  const auto along = [](const Vec3& v) { return engine::Twist{v, Vec3::Zero()}; };
+  const auto by = [&](const Vec3& v) {  // v in the parent, along a slide or about the joint
+    const Vec3 moved = at.direction(joint.parent, v);
+    return slides ? along(moved) : about(at.frame[body].p, moved);
+  };
   for (int k = 0; k < 3; ++k)
-    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k, along(R.col(k)));
+    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k,
+                along(at.direction(joint.parent, Vec3::Unit(k))));
   if (!slides && joint.kind != engine::Kind::hinge) return;  // no axis of its own
   for (int k = 0; k < 3; ++k) {
     const Vec3 turned = turned_only(Vec3::Unit(k), d);
-    enter_twist(body, first + static_cast<int>(AxisParameter::direction_x) + k,
-                slides
-                    ? along(phi * (R * turned))
-                    : about(R * (std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned))));
+    enter_twist(
+        body, first + static_cast<int>(AxisParameter::direction_x) + k,
+        by(slides ? phi * turned : std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned)));
   }
   if (is_mechanism(robot.mobility))
-    enter_twist(body, first + static_cast<int>(AxisParameter::zero),
-                slides ? along(R * d) : about(R * d));
+    enter_twist(body, first + static_cast<int>(AxisParameter::zero), by(d));
 }
 
 /// Parameters of a described closure, in one of its equations: its ends, its length, its hinge.
 void Readings::described_columns(int closure) {
   using enum ClosureParameter;
   const engine::Closure& of = built.mechanism.closure[closure];
-  const auto rotation = [&](int body) { return body < 0 ? Mat3::Identity() : at.frame[body].R; };
-  const Mat3 R_a = rotation(of.body_a), R_b = rotation(of.body_b);
   const auto column = [&](ClosureParameter parameter) {
     return closure_column(robot, of.described) + static_cast<int>(parameter);
   };
   const ClosureParameter A = of.exchanged ? base_x : anchor_x, B = of.exchanged ? anchor_x : base_x;
   const Vec3 d = at.A[closure] - at.B[closure];
-  const auto enter_end = [&](int to, const Vec3& moved) {
-    enter_closure(closure, to, at.line[closure].force.dot(moved));
-    for (int k = 0; k < robot.r; ++k)
-      if (on_rod(robot.sensor[k]) && robot.sensor[k].chain == closure)
-        entry(k, to) += robot.sensor[k].gain * sensed[k].rod.dot(moved);
-  };
   for (int k = 0; k < 3; ++k) {
-    enter_end(column(A) + k, R_a.col(k));
-    enter_end(column(B) + k, -R_b.col(k));
+    enter_end(closure, 0, column(A) + k, along(at.direction(of.body_a, Vec3::Unit(k))));
+    enter_end(closure, 1, column(B) + k, along(at.direction(of.body_b, Vec3::Unit(k))));
     if (of.plane)
       enter_closure(closure, column(of.exchanged ? anchor_hinge_x : base_hinge_x) + k,
-                    d.dot(R_b * turned_only(Vec3::Unit(k), of.normal)));
+                    d.dot(at.direction(of.body_b, turned_only(Vec3::Unit(k), of.normal))));
   }
-  if (!of.plane)
-    enter_closure(closure, column(length), -engine::length_of(built.mechanism, at, closure));
+  if (!of.plane) enter_length(closure, column(length), 1);
 }
 
 void Readings::parameter_columns(Real* H_xi) {
@@ -257,10 +239,8 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
 
 void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H) {
   Built built;
-  build(robot, Layout::ideal, built);
   engine::Position at;
-  at.y = stand(robot, built, closure.q(), closure.pose);
-  engine::place(built.mechanism, at);
+  stand(robot, closure, built, at);
   Readings by(robot, built, at, closure.pose.theta);
   // Each motor follows its own rod alone. Near a singularity J_q is the closure's, damped.
   for (int c = 0; c < by.count; ++c)

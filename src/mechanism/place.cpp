@@ -55,11 +55,13 @@ void place_closure(const Mechanism& mechanism, Position& at, int i) {
 /// its stress. The springs' energy ½Σf²/c is least where f = λ C s, C = diag(c) their compliances
 /// and s normal to all columns of ∂f/∂(x, h): as many equations as unknowns, λ included.
 void relax(const Mechanism& mechanism, Position& at) {
-  const int closures = mechanism.closures;
+  const int closures = mechanism.closures, unknowns = mechanism.freedoms - mechanism.motors;
   const Equations freedoms(mechanism, at, forward(mechanism), 0, false);
   std::array<Real, kClosures> s{};
   for (int k = 0; k < closures; ++k) {
-    s = freedoms.unrelieved(k);
+    const Unknowns x = freedoms.column(k);  // s: column k of 1 - A A⁺
+    for (int i = 0; i < closures; ++i)
+      s[i] = Real(i == k) - sum_of(unknowns, [&](int j) { return freedoms.A[i][j] * x[j]; });
     if (s[k] > 0.5 / closures) break;  // s_k² of the unit stress is at least 1/closures for one
   }
   Real held = 0, unit = 0;  // sᵀf and sᵀC s

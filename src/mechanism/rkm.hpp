@@ -1,6 +1,7 @@
 // The redundant kinematic model (RKM): readings of all redundant sensors at a pose.
 #pragma once
 
+#include "mechanism/jacobian.hpp"
 #include "mechanism/sensor.hpp"
 
 namespace truepose {

@@ -3,16 +3,8 @@
 
 namespace truepose::engine {
 namespace {
-/// Calls f(freedom, twist) for every freedom that moves a body.
-template <class F>
-inline void for_each_twist(const Mechanism& mechanism, const Position& at, int body, F&& f) {
-  for (int b = body; b >= 0; b = mechanism.body[b].parent)
-    for (int k = 0; k < mechanism.body[b].count; ++k)
-      f(mechanism.body[b].freedom + k, at.frame[b].twist[k]);
-}
-
-/// The same with reach², the squared speed of the point `end` if it moved at a right angle to the
-/// joint.
+/// Calls f(freedom, twist, reach²) for every freedom that moves a body; reach² is the squared speed
+/// of the point `end` if it moved at a right angle to the joint.
 template <class F>
 inline void for_each_twist(const Mechanism& mechanism, const Position& at, int body,
                            const Vec3& end, F&& f) {
@@ -28,18 +20,14 @@ inline void for_each_twist(const Mechanism& mechanism, const Position& at, int b
 
 void add_line(const Mechanism& mechanism, const Position& at, int body, const Line& line, Real sign,
               Row& row) {
-  for_each_twist(mechanism, at, body,
-                 [&](int freedom, const Twist& twist) { row[freedom] += sign * (twist * line); });
+  for_each_twist(mechanism, at, body, Vec3::Zero(), [&](int freedom, const Twist& twist, Real) {
+    row[freedom] += sign * (twist * line);
+  });
 }
 
 Row row(const Mechanism& mechanism, const Position& at, int closure) {
-  const Closure& of = mechanism.closure[closure];
-  Row row;
-  std::fill_n(row.begin(), mechanism.freedoms, Real(0));
-  add_line(mechanism, at, of.body_a, at.line[closure], 1, row);
-  add_line(mechanism, at, of.body_b, at.line[closure], -1, row);
-  if (of.driven >= 0) row[of.driven] -= length_of(mechanism, at, closure);
-  return row;
+  Row size{};
+  return row(mechanism, at, closure, size);
 }
 
 Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size) {
@@ -49,16 +37,14 @@ Row row(const Mechanism& mechanism, const Position& at, int closure, Row& size) 
   Row row;
   std::fill_n(row.begin(), mechanism.freedoms, Real(0));
   // A rod's line passes through both ends; a plane turns about B and moves past A.
-  for_each_twist(mechanism, at, of.body_a, at.A[closure],
-                 [&](int freedom, const Twist& twist, Real reach2) {
-                   row[freedom] += twist * line;
-                   size[freedom] += force2 * reach2;
-                 });
-  for_each_twist(mechanism, at, of.body_b, at.B[closure],
-                 [&](int freedom, const Twist& twist, Real reach2) {
-                   row[freedom] -= twist * line;
-                   size[freedom] += force2 * reach2;
-                 });
+  const auto enter = [&](int body, const Vec3& end, Real sign) {
+    for_each_twist(mechanism, at, body, end, [&](int freedom, const Twist& twist, Real reach2) {
+      row[freedom] += sign * (twist * line);
+      size[freedom] += force2 * reach2;
+    });
+  };
+  enter(of.body_a, at.A[closure], 1);
+  enter(of.body_b, at.B[closure], -1);
   if (of.driven >= 0) {
     row[of.driven] -= length_of(mechanism, at, closure);
     size[of.driven] += force2;
@@ -108,7 +94,7 @@ Real parallel(const Mechanism& mechanism, const Position& at) {
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j < columns; ++j)
       square += A[i][j] * A[i][j] / size[j], A[i][j] /= std::sqrt(size[j]);
-  if (!invert(rows, columns, A, ones, 0, inverse)) return 0;
+  if (!invert(rows, columns, A, ones, inverse)) return 0;
   for (int j = 0; j < columns; ++j)
     for (int i = 0; i < rows; ++i) inverse2 += inverse[j][i] * inverse[j][i];
   return columns / std::sqrt(square * inverse2);

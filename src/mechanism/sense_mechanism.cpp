@@ -25,10 +25,7 @@ void sense_rod(const Robot& robot, const Built& built, const engine::Position& a
   s.side[0] = {of.body_a, engine::line_through(at.A[rod], s.rod)};
   s.side[1] = {of.body_b, engine::line_through(at.B[rod], -s.rod)};
   // The frame of the joint turns with its own side.
-  if (sensor.at_nacelle)
-    s.side[0].line.moment += s.frame;
-  else if (arm)
-    s.side[1].line.moment += s.frame;
+  s.side[sensor.at_nacelle ? 0 : 1].line.moment += s.frame;
 }
 }  // namespace
 

@@ -1,8 +1,7 @@
-// Reading of a redundant sensor and its derivative by the pose: s(x), J_r.
+// Value and gradients of a redundant sensor, its encoder's errors included.
 #pragma once
 
 #include "mechanism/angle_sensors.hpp"
-#include "mechanism/jacobian.hpp"
 #include "mechanism/length_sensors.hpp"
 #include "mechanism/pose_sensors.hpp"
 
@@ -57,36 +56,8 @@ inline Sensed sense_chain(const Sensor& sensor, const SeenChain& seen) {
   return sense_any<true>(sensor, seen);
 }
 
-/// Orientation of the body that carries a chain's A: bars keep theirs.
-inline Mat3 body_of(const Chain& chain, const Pose& pose) {
-  return chain.bar < 0 ? pose.R : Mat3(Mat3::Identity());
-}
-
 /// Value of an encoder on a passive axis. @param angles  of the passive axes
 Sensed sense_axis(const Sensor& sensor, const Pose& angles);
-
-/// Value and gradients of any sensor at a closed pose.
-Sensed sense(const Robot& robot, const Sensor& sensor, const Closure& closure);
-
-/// ∂s/∂q of the sensor's chain with the platform held: the motor moves B, and turns the arm, the
-/// reference of a base-side joint.
-/// @param dB    ∂B/∂q
-/// @param rate  ∂position/∂q
-inline Real by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
-                     Real rate) {
-  const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
-  return (s.motor + (on_arm ? s.frame.dot(chain.axis) : 0.0)) * rate - s.rod.dot(dB);
-}
-
-/// Row of J_r without the gain: ds along the platform's free motions, the motors following.
-void sensor_row(const Robot& robot, const Sensor& sensor, const Closure& closure, const Sensed& s,
-                Real* row);
-
-/// Reading of any sensor at a closed pose, gain s - offset, and its row of J_r (size n).
-Real any_reading(const Robot& robot, const Sensor& sensor, const Closure& closure, Real* row);
-
-/// The same, with a shortcut for the paper's θ sensor.
-Real sensor_reading(const Robot& robot, const Sensor& sensor, const Closure& closure, Real* row);
 
 /// The nearest count of an encoder or telemeter (step 0: unquantized).
 inline Real quantized(Real value, Real step) {

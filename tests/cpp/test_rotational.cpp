@@ -56,14 +56,14 @@ TEST_EACH(for_each_pivot,
 
     const Carried carried = carried_frames(robot, at.pose);
     Square jx;
-    at.jx(n, jx);
+    jx_rows(at, jx);
     double cost = 0;
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
       const Vec3 lever = carried.pose.R * chain.pivot;
       const Vec3 v = chain.base + driven[i].p - carried.pose.D - lever;
       CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
-      CHECK_NEAR((at.v[i] - v).norm(), 0, 1e-15);
+      CHECK_NEAR((at.chain[i].v - v).norm(), 0, 1e-15);
       Coordinates row;
       jx_row(carried, v, lever, row.data());
       for (int j = 0; j < n; ++j) CHECK_NEAR(jx[i][j], row[j], 1e-16);
