@@ -4,16 +4,8 @@
 namespace truepose {
 Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
   Sensed s;
-  const Mat3& body = seen.body;
-  Vec3 forward = seen.chain.zero, axis = seen.chain.axis;
-  if (sensor.at_nacelle) {
-    forward = body * sensor.normal;
-    axis = body * sensor.direction;
-  } else if (seen.chain.actuator == Actuator::revolute) {
-    forward = seen.p / seen.chain.arm;
-  }
+  const Vec3 &rod = seen.rod, &forward = seen.forward, &axis = seen.axis;
   const Vec3 side = axis.cross(forward);
-  const Vec3 rod = -seen.v;
   const Real f = forward.dot(rod), w = side.dot(rod), a = axis.dot(rod);
   const Real plane2 = f * f + w * w;
   if (sensor.kind == SensorKind::rod_in_plane) {
@@ -25,8 +17,8 @@ Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
     s.rod = (plane * axis - a / plane * (f * forward + w * side)) / (plane2 + a * a);
   }
   s.frame = s.rod.cross(rod);
-  if (sensor.at_nacelle) {  // its mounting: f, w and a differentiated in the body's own axes
-    const Vec3 r = body.transpose() * rod;
+  if (seen.mounted) {  // f, w and a differentiated in the body's own axes
+    const Vec3 r = seen.body.transpose() * rod;
     const Vec3 by_axis = sensor.normal.cross(r),
                by_forward = r.cross(sensor.direction);  // of w
     if (sensor.kind == SensorKind::rod_in_plane) {
@@ -38,13 +30,6 @@ Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
       s.normal = -a / (plane * total) * (f * r + w * by_forward);
     }
   }
-  return s;
-}
-
-Sensed sense(Is<SensorKind::motor_encoder>, const Sensor&, const SeenChain& seen) {
-  Sensed s;
-  s.value = seen.position;
-  s.motor = 1;
   return s;
 }
 }  // namespace truepose

@@ -19,6 +19,6 @@ inline Sensed sense(Is<kind>, const Sensor& sensor, const SeenChain& seen) {
   return sense_rod_angle(sensor, seen);
 }
 
-/// The motor's position on the load side: the arm's angle, not the motor encoder's reading.
-Sensed sense(Is<SensorKind::motor_encoder>, const Sensor&, const SeenChain& seen);
+/// The motor's position on the load side, the arm's angle: a freedom, see sense_mechanism.hpp.
+inline Sensed sense(Is<SensorKind::motor_encoder>, const Sensor&, const SeenChain&) { return {}; }
 }  // namespace truepose

@@ -32,8 +32,8 @@ Sensed sense(Is<SensorKind::distance>, const Sensor& sensor, const Pose& pose) {
 
 Sensed sense(Is<SensorKind::rod_length>, const Sensor&, const SeenChain& seen) {
   Sensed s;
-  s.value = seen.v.norm();
-  s.rod = -seen.v / s.value;
+  s.value = seen.rod.norm();
+  s.rod = seen.rod / s.value;
   return s;
 }
 }  // namespace truepose

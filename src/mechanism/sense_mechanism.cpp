@@ -3,25 +3,21 @@
 
 namespace truepose {
 namespace {
-/// Reads a sensor at a rod of a chain, or of a described mechanism. There its joint is built along
-/// axes of the body on its side.
+/// Reads a sensor at a rod. Its joint is built along axes of the body on its side: the sensor's
+/// own, or at the base's side of a chain those of the arm or carriage.
 void sense_rod(const Robot& robot, const Built& built, const engine::Position& at,
                const Sensor& sensor, SensedFreedoms& s) {
-  const bool described = is_mechanism(robot.mobility);
+  const bool described = is_mechanism(robot.mobility), mounted = described || sensor.at_nacelle;
   const Chain& chain = robot.chain[described ? 0 : sensor.chain];
-  const int rod = described ? sensor.chain : built.rod_of(sensor);
+  const int rod = built.rod_of(sensor);
   const engine::Closure& of = built.mechanism.closure[rod];
-  const bool arm = described || chain.actuator == Actuator::revolute;
-  Sensor by = sensor;
-  by.at_nacelle = described || sensor.at_nacelle;
-  const int side = described && !sensor.at_nacelle ? of.body_b
-                   : described || chain.bar >= 0   ? of.body_a
-                                                   : built.platform;
-  const Vec3 v = at.B[rod] - at.A[rod], p = described || !arm
-                                                ? Vec3::Zero()
-                                                : at.frame[of.body_b].R * (chain.arm * chain.zero);
-  static_cast<Sensed&>(s) = sense_chain(by, {chain, at.y[described ? 0 : sensor.chain], p, v,
-                                             side < 0 ? Mat3::Identity() : at.frame[side].R});
+  const int body = !sensor.at_nacelle            ? of.body_b
+                   : described || chain.bar >= 0 ? of.body_a
+                                                 : built.platform;
+  static_cast<Sensed&>(s) = sense_chain(
+      sensor, {at.A[rod] - at.B[rod], at.direction(body, mounted ? sensor.normal : chain.zero),
+               at.direction(body, mounted ? sensor.direction : chain.axis),
+               body < 0 ? Mat3::Identity() : at.frame[body].R, mounted});
   s.side[0] = {of.body_a, engine::line_through(at.A[rod], s.rod)};
   s.side[1] = {of.body_b, engine::line_through(at.B[rod], -s.rod)};
   // The frame of the joint turns with its own side.
@@ -40,9 +36,9 @@ SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Posit
     s.row[freedom] = sign * s.slope;
     return s;
   };
-  if (sensor.kind == SensorKind::joint_angle || sensor.kind == SensorKind::slide_position ||
-      (described && sensor.kind == SensorKind::motor_encoder))
-    return read(sensor.kind == SensorKind::motor_encoder ? sensor.chain : sensor.axis, 1);
+  if (sensor.kind == SensorKind::motor_encoder) return read(sensor.chain, 1);
+  if (sensor.kind == SensorKind::joint_angle || sensor.kind == SensorKind::slide_position)
+    return read(sensor.axis, 1);
   if (sensor.kind == SensorKind::axis_angle) return read(m.motors + sensor.axis, 1);
   if (properties(sensor.kind).is_theta) {
     if (sensor.bar >= 0 && built.layout != Layout::ideal)
@@ -51,7 +47,6 @@ SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Posit
   }
   if (on_chain(sensor)) {
     sense_rod(robot, built, at, sensor, s);
-    if (!described) s.row[sensor.chain] += s.motor;
   } else {
     const int body = described && sensor.bar >= 0 ? sensor.bar : built.platform;
     const engine::Frame& on = at.frame[body];

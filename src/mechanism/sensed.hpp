@@ -13,17 +13,15 @@ struct Sensed {
   Vec3 angular = Vec3::Zero();  ///< ∂s/∂(small rotation of the platform), base frame
   Vec3 rod = Vec3::Zero();      ///< ∂s/∂(A - B) of its chain
   Vec3 frame = Vec3::Zero();    ///< ∂s/∂(small rotation of the rod's reference frame), base frame
-  Real motor = 0;               ///< ∂s/∂position of its chain, rod and frame held
   Vec3 origin = Vec3::Zero(), direction = Vec3::Zero();  ///< ∂s/∂ of the mounting
   Vec3 target = Vec3::Zero(), normal = Vec3::Zero();
 };
 
-/// State of a chain for a sensor on it.
+/// A rod for a sensor on it, base frame.
 struct SeenChain {
-  const Chain& chain;
-  Real position;  ///< of the motor
-  const Vec3& p;  ///< P to B
-  const Vec3& v;  ///< A to B, the sensor's rod
-  Mat3 body;      ///< orientation of the body that carries A
+  Vec3 rod;            ///< B to A
+  Vec3 forward, axis;  ///< of the frame of its joint
+  Mat3 body;           ///< orientation of the body that carries the joint
+  bool mounted;        ///< whether the frame is the sensor's own mounting, fixed in that body
 };
 }  // namespace truepose

@@ -10,7 +10,6 @@ void read_off_centre(const Sensor& sensor, Sensed& s) {
   s.slope = read.slope;
   for (Vec3* gradient : {&s.linear, &s.angular, &s.rod, &s.frame, &s.direction, &s.normal})
     *gradient *= read.slope;
-  s.motor *= read.slope;
 }
 
 Sensed sense_axis(const Sensor& sensor, const Pose& angles) {
