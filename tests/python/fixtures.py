@@ -57,7 +57,8 @@ def rng() -> np.random.Generator:
 
 @pytest.fixture(scope="session")
 def h4() -> tp.Robot:
-    return tp.load("h4")
+    """The shipped H4 on the day of its calibration: none of its conditions at work."""
+    return tp.load("h4").with_file(conditions=None)
 
 
 def drawn_poses(robot: tp.Robot, count: int, rng) -> np.ndarray:
@@ -138,8 +139,8 @@ def load(tmp_path):
 # again, and make what a file's tests share as often.
 @pytest.fixture(params=tp.list_robots())
 def any_robot(request) -> tp.Robot:
-    """Return each shipped robot: every mobility, every actuator."""
-    return tp.load(request.param)
+    """Return each shipped robot, without conditions: every mobility, every actuator."""
+    return tp.load(request.param).with_file(conditions=None)
 
 
 #: Shipped robots of chains; control, dynamics, simulation, C and drawings of chains are for these.

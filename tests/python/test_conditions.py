@@ -13,7 +13,9 @@ from truepose.design.criterion import SIGMA
 from truepose.design.where import Use
 from truepose.exceptions import InputError
 from truepose.robot import summed
-from truepose.robot.conditions import columns, known, sampled, under
+from truepose.robot.conditions import columns, directions, known, sampled, sigmas, under
+from truepose.robot.knowledge import in_control
+from truepose.robotfile import to_core
 from truepose.robotfile.schema import Compliance, Tolerance
 from truepose.simulation.plants.dynamic import visit
 
@@ -25,6 +27,8 @@ CONDITIONS = {
     "payload_centre_sigma": 0.01,
     "temperature": (15.0, 35.0),
     "gradient": 2.0,
+    "warm_up": 5.0,
+    "wear": 2e-5,
 }
 SENSORS = {"h4": ["theta", "wire1", "wire2", "wire3"], "delta": [], "stewart": ["roll", "pitch"]}
 STATES = pytest.mark.parametrize(
@@ -34,7 +38,7 @@ STATES = pytest.mark.parametrize(
 
 def at_work(name, backlash=0.0, uncertain=True, **more):
     """A shipped robot, compliant, under all conditions; its stiffness is known to a third."""
-    robot = tp.load(name).with_sensors(*SENSORS[name])
+    robot = tp.load(name).with_sensors(*SENSORS[name]).with_file(conditions=None)
     revolute = all(chain.actuator == "revolute" for chain in robot.spec.chain)
     soft = SOFT if revolute else {"all_chains": SOFT["all_chains"]}
     doubt = {f"compliance.{key}": Tolerance(sigma=value / 3) for key, value in soft.items()}
@@ -87,6 +91,46 @@ def test_columns_of_conditions_are_the_differences_of_readings(name, anywhere, r
         if one.source == "payload_centre":  # by the rms mass, not the mean one
             slope *= 2 / np.sqrt(3)
         assert by[..., k] == pytest.approx(slope, abs=2 * off), one.name
+
+
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart"])
+def test_a_controller_weights_by_the_conditions_that_a_prediction_counts(name, anywhere, rng):
+    """With a payload as at home, everywhere; without one, both have the same covariance."""
+    robot = at_work(name, uncertain=False, payload=(0.0, 0.0), payload_centre_sigma=0.0)
+    x, level = anywhere(robot, 3, rng), robot.highest_level
+    known, every = in_control(robot), list(robot.parameters)
+    named = {at: every.index(name) for name, at in to_core.columns(robot.spec) if name in every}
+    H_xi = robot.linearize(x, level=level)[1]
+    found = H_xi[..., [named[column] for column in known.column]] @ known.root
+    own = H_xi * [p.sigma for p in robot.parameters.values()]
+    heat = columns(robot, x, robot.is_full(level)) * sigmas(robot)
+    predicted = np.concatenate([own, heat], axis=2)
+    by = [half @ half.swapaxes(1, 2) for half in (found, predicted)]
+    assert np.allclose(*by, rtol=1e-9, atol=1e-20)
+
+
+@pytest.mark.parametrize("name", ["h4", "delta"])
+def test_a_payload_moves_a_controllers_geometry_as_it_deflects_the_robot_at_home(name):
+    robot = at_work(name, uncertain=False)
+    level = robot.highest_level
+    H_xi = robot.linearize(robot.home, level=level)[1]
+    by = columns(robot, robot.home[None], robot.is_full(level))[0] * sigmas(robot)
+    for k, (name, moved) in enumerate(directions(robot).items()):
+        assert H_xi @ moved == pytest.approx(by[:, k], rel=1e-9, abs=1e-15), name
+
+
+def test_a_law_that_is_told_of_heat_is_accurate_at_once_on_a_warm_day(anywhere, rng):
+    """H4s of known geometry, 10 K to 30 K warmer: with θ and z less than half the error."""
+    told = tp.load("h4").with_sensors("theta", "z_telemeter").with_file(tolerances={})
+    told = told.with_level("ideal")
+    x = anywhere(told, 20, 4)
+    for rise in rng.uniform(10, 30, 8):
+        warm = under(told, {"warm_up": rise})
+        plain, aware = (
+            np.linalg.norm(tp.steady_state(of, warm, x, "weighted").error[:, :3], axis=1).max()
+            for of in (told.with_file(conditions=None), told)
+        )
+        assert aware < 0.5 * plain
 
 
 @pytest.mark.parametrize("referenced", [False, True])
@@ -247,8 +291,10 @@ def test_numbers_of_conditions_may_have_exponents(h4):
 
 
 def test_a_payload_needs_something_that_it_deflects(h4):
-    with refused(r"payload 0 to 2 kg: rods and arms are stiff: state"):
-        tp.accuracy(h4.with_conditions(payload=(0, 2)), h4.home)
+    stiff = h4.with_file(conditions=None).with_conditions(payload=(0, 2))
+    with refused(r"payload up to 2 kg: rods and arms are stiff: state"):
+        tp.accuracy(stiff, h4.home)
+    assert tp.accuracy(stiff.with_conditions(arm_compliance=1e-4), h4.home).rms > 0
 
 
 def test_the_mass_that_motors_hold_is_one_that_they_hold():

@@ -46,7 +46,7 @@ def test_the_fault_monitor_takes_no_slow_change_for_a_fault(known, true, scenari
 
 
 def test_each_scenario_has_every_law_and_the_same_answer_on_two_workers():
-    few = {"sensors": ["theta+z_telemeter"], "scenario": ["collision", "backlash"]}
+    few = {"sensors": ["theta+z_telemeter"], "scenario": ["collision", "warm day"]}
     one, two = (tp.monte_carlo("life", "h4", 2, grid=few, workers=w) for w in (0, 2))
     assert not one.failed.any()
     for name, values in one.columns.items():
@@ -54,6 +54,8 @@ def test_each_scenario_has_every_law_and_the_same_answer_on_two_workers():
     bent = one.columns["scenario"] == "collision"
     assert (one.columns["adaptive_mm"][bent] < 0.1 * one.columns["weighted_mm"][bent]).all()
     assert all(found.endswith(".rod") for found in one.columns["found"][bent])
+    warm = one.columns["scenario"] == "warm day"
+    assert (one.columns["conditions_mm"][warm] < 0.4 * one.columns["weighted_mm"][warm]).all()
     assert (one.columns["bound_mm"].astype(float) > 0).all()
 
 

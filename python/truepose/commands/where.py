@@ -54,7 +54,7 @@ def under(robot: Robot, text: str | None) -> Robot:
         options.add(given, key, tuple(ends) if ranged else ends[0], f"--conditions {key}")
     changed = robot.with_conditions(**given) if given else robot
     section = changed.spec.conditions
-    if given.get("payload_centre_sigma") and section and not section.payload[1]:
+    if given.get("payload_centre_sigma") and section and not section.heaviest:
         raise InputError("--conditions payload_centre_sigma: needs a payload, as payload=0..2kg")
     return changed
 

@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Errors, finite_rows, require, whole
 from truepose.control import evidence
-from truepose.control.changes import OFTEN, Change, changes, reading_offsets
+from truepose.control.changes import OFTEN, Change, changes
 from truepose.control.memory import REPORTED, Explained, Memory, moved, with_noise
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot, flattened, knowledge
+from truepose.robot.conditions import reading_offsets
 from truepose.show import Cell, Table, number
 
 #: Share of a window's rows that may be outliers.

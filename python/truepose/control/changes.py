@@ -9,6 +9,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.control.effects import Effects
 from truepose.robot import Robot, angles, knowledge
+from truepose.robot.conditions import reading_offsets
 
 #: Assumed: a year's wear of a rod's joints, m, and drift of an encoder, rad; a payload, N.
 WEAR, DRIFT, PAYLOAD = 30e-6, math.radians(0.005), 20.0
@@ -167,12 +168,6 @@ def faults(robot: Robot, names: Sequence[str]) -> list[Change]:
         for reading, name in offsets.items()
         if name in names
     ]
-
-
-def reading_offsets(robot: Robot) -> list[str]:
-    """Return the parameters that shift each reading, (n + r) names."""
-    motors = [robot.spec.of_motor(k, "encoder_offset") for k in range(robot.m)]
-    return [*motors, *(f"{name}.offset" for name in robot.sensors)]
 
 
 def payload(robot: Robot, effects: Effects, weight: float) -> Change:

@@ -16,7 +16,8 @@ from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import Robot
-from truepose.robot.knowledge import knowledge, uncertain
+from truepose.robot.knowledge import in_control
+from truepose.robotfile.to_core import columns
 
 #: Kind of file, for :func:`truepose.files.mark`.
 KIND = "C tables"
@@ -152,14 +153,16 @@ def _description(name: str, robot: Robot) -> str:
 
 
 def _knowledge(name: str, robot: Robot) -> str:
-    known = knowledge(robot).core
-    count, columns, root = len(known.column), known.column, known.root
+    known = in_control(robot)
+    count, column, root = len(known.column), known.column, known.root
+    named = {at: parameter for parameter, at in columns(robot.spec)}
+    names = [named[at] for at in column]
     if not count:  # C has no arrays of nothing
-        columns, root = np.zeros(1, dtype=int), np.zeros((1, 1))
+        column, root = np.zeros(1, dtype=int), np.zeros((1, 1))
     values = _numbers(root.ravel(), "   ")
     return (
-        f"/* Uncertain parameters: {', '.join(uncertain(robot)) or 'none'}. */\n"
-        f"static const int32_t {name}_column[] = {_numbers(columns)};\n"
+        f"/* Uncertain parameters: {', '.join(names) or 'none'}. */\n"
+        f"static const int32_t {name}_column[] = {_numbers(column)};\n"
         f"static const truepose_real {name}_root[{count or 1} * {count or 1}] =\n   {values};\n"
         f"static const truepose_knowledge {name}_knowledge = {{\n"
         f"  {count}, {name}_column, {name}_root,\n  {_numbers(known.sigma)} /* sigma */\n}};\n"

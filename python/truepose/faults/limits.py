@@ -298,7 +298,7 @@ def _leakage(
     model: Robot, rows: Array, lead: tuple[int, ...], level: Level, model_error: bool
 ) -> dict[Law, Array]:
     """Return each law's pose error, m and rad, per unit of each reading's error."""
-    known = knowledge.knowledge(model, level=level, error=model_error).core
+    known = knowledge.in_control(model, level=level, error=model_error)
     result: dict[Law, Array] = {}
     for law, kind in _core.laws.items():
         if kind.sensed and not model.r:

@@ -156,7 +156,7 @@ class FaultMonitor:
         start = controller.settings(robot, robot.home)
         forces = None if self.forces is None else self.forces.supervisor(robot, start)
         yields = robot if self.effects is None else _yielding(robot, self.effects)
-        known, slow = knowledge.knowledge(yields).core, delays.settings(robot, controller.period)
+        known, slow = knowledge.in_control(yields), delays.settings(robot, controller.period)
         return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow)
 
     def review(

@@ -195,13 +195,35 @@ def knowledge(
     return Known(_core.Knowledge(np.array(at), whole, sigma), p, len(errors), last)
 
 
+def in_control(
+    robot: Kinematics, sigma_scale: int = 1, level: Level | None = None, error: bool = True
+) -> _core.Knowledge:
+    """Build the core's struct of the covariances by which a controller weights.
+
+    Of the parameters: what tolerances or the calibration leave, and each condition at work as one
+    direction of the geometry, Σ_ξ = S Sᵀ + Σ_k g_k g_kᵀ with g_k of 1σ.
+    """
+    names, column, every = uncertain(robot), dict(columns(robot.spec)), list(robot.parameters)
+    moved = np.array([*conditions.directions(robot).values()]).reshape(-1, len(every)).T
+    names += [
+        name
+        for name, by in zip(every, moved.any(axis=1), strict=True)
+        if by and name in column and name not in names
+    ]
+    S = root(robot, names)
+    if moved.size:
+        S = triangular(np.hstack([S, moved[[every.index(name) for name in names]]]))
+    reading = stated_sigma(robot, level) if error else reading_sigma(robot)
+    return _core.Knowledge(np.array([column[n] for n in names]), S, sigma_scale * reading)
+
+
 def for_law(
     robot: AnyRobot, law: str, sigma_scale: int = 1
 ) -> tuple[AnyRobot, _core.Knowledge | None]:
     """Return the robot at a law's model level, and the covariances it weights by, if it does."""
     if not _core.laws[law].weighs:
         return robot, None
-    return robot.at_highest_level, knowledge(robot, sigma_scale=sigma_scale).core
+    return robot.at_highest_level, in_control(robot, sigma_scale)
 
 
 def require_uncertain(robot: Kinematics) -> list[str]:

@@ -151,7 +151,8 @@ class Robot(Dynamics, Shown):
         """Estimate the pose from all readings, weighted by their covariance: an :class:`Estimate`.
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
-        (or a calibration's covariance) and the readings' own errors. The covariance holds for true
+        (or a calibration's covariance) with conditions at work, and the readings' own errors. A
+        payload's deflection counts as at home, unless compliances are unknown. The covariance holds for true
         geometries spread about this robot's, see :meth:`expected`.
 
         Parameters
@@ -174,7 +175,7 @@ class Robot(Dynamics, Shown):
         rows, lead = flattened(self, q_e, self.m + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
         level = self.highest_level if level is None else level
-        known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
+        known, full = knowledge.in_control(self, level=level), self.is_full(level)
         found: list[Array] = []  #: covariance and χ² of the last call
 
         def answer(q_e: Array, near: Array | None) -> compliance.Answer:
@@ -187,7 +188,7 @@ class Robot(Dynamics, Shown):
             by = compliance.given_way(self, x, full)
             answer(rows - by.readings, x)
         covariance, chi2 = found
-        if (acting := conditions.acting(self, x, full)) is not None:
+        if compliance.unknown(self) and (acting := conditions.acting(self, x, full)) is not None:
             every = knowledge.knowledge(self, level=level, at_work=True).core
             x, chi2 = self._weighted_by_all(rows, x, level, every, acting, answer)
             covariance, *_ = _core.accuracy(self.core, every, x, x[:0], full, acting)
@@ -270,7 +271,7 @@ class Robot(Dynamics, Shown):
         >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
         True
         """
-        robot, known = self.at_highest_level, knowledge.knowledge(self).core
+        robot, known = self.at_highest_level, knowledge.in_control(self)
         full = robot.level == "full"
         return at_poses(robot, x, errors, lambda core, rows: _core.gain(core, known, rows, full))[1]
 

@@ -95,6 +95,9 @@ class Conditions(Section):
     payload: Annotated[tuple[Payload, Payload], _RISING, unit("kg")] = key(
         "smallest and largest mass on the platform, uniformly distributed", (0.0, 0.0)
     )
+    payload_sigma: Annotated[Payload, unit("kg")] = key(
+        "σ of a mass on the platform about the middle of 'payload'", 0.0
+    )
     payload_centre: Point = key("its centre of mass, platform frame", (0, 0, 0))
     payload_centre_sigma: Annotated[Number, Field(ge=0, le=100), unit("m")] = key(
         "σ of each coordinate of its centre of mass", 0.0
@@ -108,10 +111,30 @@ class Conditions(Section):
         "σ by which the base, the platform, each arm and each rod are warmer or colder than that",
         0.0,
     )
+    warm_up: Annotated[Kelvin, unit("K")] = key(
+        "σ by which all parts are warmer at work than at the calibration or reference pose", 0.0
+    )
+    wear: Annotated[Number, Field(ge=0, le=0.1), unit("m")] = key(
+        "σ of the length of each rod or leg by the wear of its joints since the calibration", 0.0
+    )
+    chain_compliance: Annotated[NonNegative, unit("1/N")] = key(
+        "strain of the rods per newton of the payload's tension, where [compliance] has none", 0.0
+    )
+    arm_compliance: Annotated[NonNegative, unit("rad/(N·m)")] = key(
+        "turn of an arm per N·m of the payload, where [compliance] has none", 0.0
+    )
     base_expansion: Expansion = key("of the base (aluminium)", 23e-6)
+    mounting_expansion: Expansion | None = key(
+        "of a frame of its own for the sensors' origins; by default the base carries them", None
+    )
     platform_expansion: Expansion = key("of the platform (aluminium)", 23e-6)
     arm_expansion: Expansion = key("of the arms (aluminium)", 23e-6)
     rod_expansion: Expansion = key("of rods and legs (carbon fibre)", 1e-6)
+
+    @property
+    def heaviest(self) -> float:
+        """The mass on the platform that the robot must bear, kg: the largest, and 2σ."""
+        return self.payload[1] + 2 * self.payload_sigma
 
 
 class Workspace(Section):

@@ -58,7 +58,8 @@ class LifeCycle:
 
         The grid's keys: ``sensors``, names joined by "+", and ``scenario``, one of `SCENARIOS`; by
         default the robot's sensors in use and a warm day. Beside the laws on the frozen
-        commissioning: ``online`` is the estimated law on :class:`OnlineCalibrator` with the growth
+        commissioning: ``conditions`` is the weighted law whose covariance includes the rates as the
+        file's [conditions] state them, ``online`` is the estimated law on :class:`OnlineCalibrator` with the growth
         of a warm-up, ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of exchanged
         sensors, ``new`` on a calibration from the last 100 poses alone, and ``bound`` that of an
         observer told which change happened, with the share of the error that it cannot follow
@@ -67,7 +68,7 @@ class LifeCycle:
         wanted = str(case.values.get("sensors", _joined(case.robot.sensors))).split("+")
         scenario = str(case.values.get("scenario", "warm day"))
         life = self.rates
-        nominal = case.robot.with_sensors(*wanted)
+        nominal = case.robot.with_sensors(*wanted).with_file(conditions=None)
         true = nominal.sample(case.seed)
         rng = np.random.default_rng([*case.seed.generate_state(2), list(SCENARIOS).index(scenario)])
         known = commissioned(nominal, true, life.commissioning, rng)
@@ -96,6 +97,8 @@ class LifeCycle:
         at_rest = last.true_at(true, judged, rng, rest=True)
         learnt = {"online": online.robot, "adaptive": adaptive.robot, "new": fresh.robot}
         answer: dict[str, Answer] = {f"{law}_mm": _error(known, at_rest, law) for law in FROZEN}
+        stated = known.with_conditions(**life.conditions)
+        answer["conditions_mm"] = _error(stated, at_rest, "weighted")
         for name, robot in learnt.items():
             answer[f"{name}_mm"] = _error(robot.at_highest_level, at_rest, "estimated")
         found = (

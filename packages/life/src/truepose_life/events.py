@@ -11,12 +11,12 @@ from truepose.control.changes import (
     Change,
     Payload,
     payload,
-    reading_offsets,
     warm_up_modes,
 )
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot import Robot, knowledge
+from truepose.robot.conditions import reading_offsets
 from truepose_life.rates import Life
 
 Steps = dict[str, float]

@@ -46,6 +46,21 @@ class Life:
     arm_stiffness: float = _rate(2e4, "")  #: of an arm at its root, N·m/rad
     ageing: float = _rate(5.0, "")  #: σ of an aged sensor's readings over that of a new one
 
+    @property
+    def conditions(self) -> dict[str, float]:
+        """The robot file's [conditions] that state these rates; sensors stand by themselves."""
+        return {
+            "warm_up": self.warm_up,
+            "gradient": self.gradient,
+            "wear": self.wear / math.sqrt(3),  # rms of a uniform variable
+            "payload_sigma": self.payload / 9.81 if self.arm_stiffness else 0.0,
+            "arm_compliance": 1 / self.arm_stiffness if self.arm_stiffness else 0.0,
+            "mounting_expansion": 0.0,
+            "base_expansion": self.base_expansion,
+            "arm_expansion": self.arm_expansion,
+            "rod_expansion": self.rod_expansion,
+        }
+
     @classmethod
     def read(cls, path: str | Path) -> Self:
         """Return the rates of a TOML file: numbers with units, ``warm_up = "15 K"``.

@@ -25,6 +25,7 @@ LAWS = {
     "Cartesian": "cartesian",
     "weighted": "weighted",
     "estimated": "estimated",
+    "conditions": "conditions",
     "online": "online",
     "adaptive": "adaptive",
     "new calibration": "new",
@@ -118,7 +119,7 @@ def draw(figure: Any, records: Sequence[Mapping[str, Any]]) -> None:
     panels: dict = {}
     for row in records:
         panel = panels.setdefault(f"{row['sensors']}: position error (mm)", {})
-        for law in ("frozen", "TEJ", "weighted", "online", "adaptive", "bound"):
+        for law in ("frozen", "TEJ", "weighted", "conditions", "online", "adaptive", "bound"):
             spread = [row[f"{LAWS[law]}_{part}_mm"] for part in ("low", "median", "high")]
             panel.setdefault(law, {})[row["change"]] = spread
     for axes in ranges(figure, panels, "change"):

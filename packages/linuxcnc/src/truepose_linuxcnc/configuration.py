@@ -17,7 +17,7 @@ from truepose.control.gains import poses
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import Robot, angles, reading_units, require_sensors, samples_or_home
-from truepose.robot.knowledge import knowledge
+from truepose.robot.knowledge import in_control
 from truepose.simulation.equilibrium import steady_state
 
 #: Largest number of uncertain parameters in the components (hal/table.h).
@@ -64,7 +64,7 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
         )
     blocks = {b"robt": bytes(robot.core)}
     if robot.r:
-        known = knowledge(robot).core
+        known = in_control(robot)
         if len(known.column) > _PARAMETERS:
             raise InputError(
                 f"{robot.name}: {len(known.column)} uncertain parameters; LinuxCNC's components "

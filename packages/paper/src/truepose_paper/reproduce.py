@@ -59,7 +59,7 @@ def reproduce(
     all its parts. `full` studies sensor sets over at least `paper.sensor_sets.ROBOTS` robots, and
     over robots of ordinary machining.
     """
-    robot = load("h4")
+    robot = load("h4").with_file(conditions=None)  # the experiment has none
     truths = experiment.draw_robots(robot, robots, seed)
 
     def at(what: str) -> experiment.Progress:

@@ -201,7 +201,7 @@ def start_test(
         controller.settings(robot, pose),
         motion,
         pairs,
-        knowledge.knowledge(finest).core,
+        knowledge.in_control(finest),
         plant,
         in_core(truth, faults, controller.period),
         incremental,
