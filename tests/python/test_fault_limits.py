@@ -289,12 +289,12 @@ def test_the_command_prints_limits_harm_and_what_is_alike(run, table2):
         assert told in out
 
 
-def test_the_command_says_what_the_function_says(run, h4, table2):
+def test_the_command_says_what_the_function_says(run, table2):
     words = ("--sensors", "theta,z_telemeter", "--calibrated", "--format", "json")
     status, out, err = run("faults", "h4", *words, "--level", "ideal", "--false-alarm", "1e-6")
     assert status == 0 and "h4, theta, z_telemeter: 625 poses" in err
     said = json.loads(out)
-    robot = h4.with_sensors("theta", "z_telemeter")
+    robot = tp.load("h4").with_sensors("theta", "z_telemeter")
     found = detectability(robot, table2, table2, "ideal", false_alarm=1e-6)
     rows = {row["reading"]: row for row in said["faults"]}
     detected, isolated = (np.median(v, axis=0) for v in (found.detected, found.isolated))

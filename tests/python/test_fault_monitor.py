@@ -25,11 +25,11 @@ SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3"
 
 
 @pytest.fixture(scope="module")
-def calibrated():
-    """What a controller believes after a calibration, and the robot that is there."""
+def calibrated(h4):
+    """What a controller believes after a calibration, and the robot that is there, as warm."""
     robots = {}
     for name, sensors in SENSORS.items():
-        robot = tp.load("h4").with_sensors(*sensors).expected()
+        robot = h4.with_sensors(*sensors).expected()
         truth = robot.sample(7).at_highest_level
         poses = drawn_poses(robot, 120, 7)
         robots[name] = tp.calibrate(robot, truth.read(poses, seed=7)).robot, truth
