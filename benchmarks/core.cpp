@@ -19,7 +19,7 @@
 #include "../tests/cpp/rotational.hpp"
 #include "control/command.hpp"
 #include "control/safe_control.hpp"
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "estimation/online_calibrator.hpp"
 #include "simulation/plant.hpp"
 

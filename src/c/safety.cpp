@@ -1,6 +1,6 @@
 // The safety shell for C.
 #include "c/controllers.hpp"
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 
 using namespace truepose;
 

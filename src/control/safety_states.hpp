@@ -8,10 +8,6 @@
 //     ready, stopped ──violation──▶ fault
 #pragma once
 
-#include <cstdint>
-
-#include "mechanism/sensor_kinds.hpp"
-
 namespace truepose {
 enum class SafetyState : int {
   ready = 0,     ///< acknowledged and healthy; brakes closed, waits for a start
@@ -26,78 +22,6 @@ enum class StopKind : int {
   path = 1,   ///< the loop stays closed while the path slows down; then the brakes close
   brake = 2,  ///< the loop is open; holding torque until the brakes have closed
 };
-
-/// Cause of a stop, or of a refused request. Of several in one cycle the first one is reported:
-/// inputs before what follows from them.
-enum class StopCause : int {
-  none = 0,
-  requested = 1,
-  contradictory_limits = 2,  ///< see consistent()
-  clock_backwards = 3,       ///< the counter or timestamp runs backwards
-  dropped_frames = 4,        ///< the counter or timestamp jumps forward
-  stale_frame = 5,           ///< readings are repeated or too old
-  missing_reading = 6,       ///< a motor gives no number
-  unknown_pose = 7,          ///< the motors are not referenced
-  suspected_motor = 8,       ///< the fault monitor has lost a motor, or a candidate stands still
-  readings_disagree = 9,     ///< the fault monitor isolates no reading; every motor is plausible
-  no_answer = 10,            ///< the law has no torque
-  workspace = 11,            ///< the setpoint leaves its box
-  setpoint_speed = 12,       ///< the setpoint jumps, or moves faster than the speed limit
-  motor_range = 13,          ///< a motor is beyond its stops
-  overspeed = 14,            ///< a motor is too fast
-  tracking_error = 15,       ///< a motor is too far from its setpoint
-  torque_rate = 16,          ///< the law's torque exceeds the slew limit for too long
-  saturation = 17,           ///< a motor is at its torque limit for too long
-  not_ready = 18,            ///< refusal: not in this state
-};
-
-/// Properties of a cause.
-struct CauseProperties {
-  StopCause cause;
-  const char* name;
-  bool by_path = false;  ///< leaves the motors trusted: the stop may follow the path
-  bool always = false;   ///< is a violation also while the brakes are closed
-};
-
-/// In the order of StopCause.
-inline constexpr std::array kCauseTable{
-    CauseProperties{StopCause::none, "none"},
-    CauseProperties{StopCause::requested, "requested", true},
-    CauseProperties{StopCause::contradictory_limits, "contradictory limits", false, true},
-    CauseProperties{StopCause::clock_backwards, "clock backwards", false, true},
-    CauseProperties{StopCause::dropped_frames, "dropped frames", false, true},
-    CauseProperties{StopCause::stale_frame, "stale frame", false, true},
-    CauseProperties{StopCause::missing_reading, "missing reading", false, true},
-    CauseProperties{StopCause::unknown_pose, "unknown pose", false, true},
-    CauseProperties{StopCause::suspected_motor, "suspected motor", false, true},
-    CauseProperties{StopCause::readings_disagree, "readings disagree", true},
-    CauseProperties{StopCause::no_answer, "no answer"},
-    CauseProperties{StopCause::workspace, "workspace", true},
-    CauseProperties{StopCause::setpoint_speed, "setpoint speed"},
-    CauseProperties{StopCause::motor_range, "motor range", false, true},
-    CauseProperties{StopCause::overspeed, "overspeed", false, true},
-    CauseProperties{StopCause::tracking_error, "tracking error"},
-    CauseProperties{StopCause::torque_rate, "torque rate"},
-    CauseProperties{StopCause::saturation, "saturation"},
-    CauseProperties{StopCause::not_ready, "not ready"},
-};
-static_assert(in_order(kCauseTable, &CauseProperties::cause));
-inline constexpr int kCauses = static_cast<int>(kCauseTable.size());
-
-constexpr const CauseProperties& properties(StopCause cause) {
-  return kCauseTable[static_cast<std::size_t>(cause)];
-}
-
-/// Causes as bits.
-constexpr std::uint32_t bit_of(StopCause cause) { return 1U << static_cast<int>(cause); }
-
-/// The causes for which a property holds, as bits.
-constexpr std::uint32_t causes_with(bool CauseProperties::* property) {
-  std::uint32_t causes = 0;
-  for (const CauseProperties& row : kCauseTable)
-    if (row.*property) causes |= bit_of(row.cause);
-  return causes;
-}
 
 /// State, kind of stop, and whether a limit was violated.
 struct SafetyMachine {

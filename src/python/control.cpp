@@ -1,5 +1,5 @@
 // Controllers, fault monitor and safety shell for Python. No mathematics.
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"

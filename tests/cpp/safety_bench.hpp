@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "control/safe_control.hpp"
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "controllers.hpp"
 #include "simulation/effects.hpp"
 

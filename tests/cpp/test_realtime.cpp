@@ -11,7 +11,7 @@
 
 #include "control/command.hpp"
 #include "control/safe_control.hpp"
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "controllers.hpp"
 #include "estimation/estimate.hpp"
 #include "estimation/linearise.hpp"

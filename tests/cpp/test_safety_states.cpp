@@ -120,16 +120,3 @@ TEST("a machine in no state is a fault, from which only an acknowledgement leads
       CHECK(next(broken, findings(of)).state == SafetyState::fault);
     }
 }
-
-TEST("every cause has a name of its own, and those that open the loop say so") {
-  for (const CauseProperties& row : kCauseTable) {
-    CHECK(properties(row.cause).name == row.name);
-    for (const CauseProperties& other : kCauseTable)
-      CHECK(row.cause == other.cause || std::string(row.name) != other.name);
-    if (row.by_path) CHECK(!row.always);
-  }
-  CHECK(properties(StopCause::requested).by_path && !properties(StopCause::stale_frame).by_path);
-  CHECK(causes_with(&CauseProperties::by_path) ==
-        (bit_of(StopCause::requested) | bit_of(StopCause::workspace) |
-         bit_of(StopCause::readings_disagree)));
-}

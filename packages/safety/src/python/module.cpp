@@ -1,5 +1,5 @@
 // The Python module of start-up test and momentum observer. No mathematics.
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "offline/start_simulation.hpp"
 #include "python/held.hpp"
 #include "safety/momentum_defaults.hpp"

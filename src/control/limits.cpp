@@ -1,5 +1,5 @@
-// Limits of the safety shell. control/safety_defaults.hpp derives them from a robot.
-#include "control/safety_limits.hpp"
+// Limits of a control cycle: contradictions in themselves.
+#include "control/limits.hpp"
 
 namespace truepose {
 Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
