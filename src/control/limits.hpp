@@ -113,4 +113,8 @@ constexpr std::uint32_t causes_with(bool CauseProperties::* property) {
 /// with a path.
 /// @return no_such_value, and the motor; -1: a time, a box or a number of cycles
 Outcome consistent(const SafetyLimits& limits, int motors, int freedoms);
+
+/// Torques of the next cycle: towards a target, within torque and slew limits. No NaN reaches a
+/// motor. @return whether all are what is wanted
+bool approach(const SafetyLimits& limits, int motors, const Joint& target, Joint& torque);
 }  // namespace truepose

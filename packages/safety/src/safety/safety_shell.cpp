@@ -1,5 +1,5 @@
 // The safety shell around a law: torques and brakes that follow from the checks of each cycle.
-#include "control/safety_shell.hpp"
+#include "safety/safety_shell.hpp"
 
 namespace truepose {
 namespace {
@@ -53,7 +53,7 @@ struct Step {
       now.healthy = found.causes == 0 && found.fresh;
     }
     shell.machine = next(before, now);
-    const SafetyState state = shell.state = shell.machine.state;
+    const SafetyState state = shell.machine.state;
     const bool ready = state == SafetyState::ready, runs = state == SafetyState::running;
     if ((now.acknowledge && !ready && !runs) || (now.start && !runs))
       shell.refused = found.causes   ? found.first()
@@ -82,22 +82,6 @@ struct Step {
                        : found.part[static_cast<std::size_t>(shell.cause)];
     }
     shell.causes |= causes;
-  }
-
-  /// Torques and brakes of the state. @return whether all torques are what is wanted
-  bool set_torques(const Joint& target) {
-    bool reached = true;
-    for (int i = 0; i < n; ++i) {
-      const Real most = limits.torque[i] > 0 ? limits.torque[i] : 0;
-      const Real step = limits.slew[i] * limits.period > 0 ? limits.slew[i] * limits.period : 0;
-      const Real now = shell.torque[i];
-      const Real wanted = std::isfinite(target[i]) ? target[i] : now;
-      const Real bounded = std::clamp(wanted, -most, most);
-      const Real way = bounded - now;  // exact where it ends, no sum of roundings
-      shell.torque[i] = std::fabs(way) <= step ? bounded : now + std::copysign(step, way);
-      reached = reached && shell.torque[i] == bounded;
-    }
-    return reached;
   }
 };
 }  // namespace
@@ -128,18 +112,19 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
       shell.weight = weight;
     shell.opening = 0;
   }
+  const auto set = [&](const Joint& target) { return approach(limits, n, target, shell.torque); };
   if (shell.follows) {
-    const bool closes = cycle.answer && fresh;
-    step.set_torques(closes ? cycle.torque : cycle.load);
+    set(cycle.answer && fresh ? cycle.torque : cycle.load);
   } else if (runs) {
     // The brakes open once the motors hold the weight, and the law acts once they have opened.
-    if (step.set_torques(shell.weight)) shell.opening += limits.period;
+    if (set(shell.weight)) shell.opening += limits.period;
     shell.follows = shell.opening > limits.brake;
   } else {
-    step.set_torques(braking ? shell.weight : Joint{});
+    set(braking ? shell.weight : Joint{});
   }
   const bool open = shell.follows || (runs && shell.opening > 0);
   shell.brakes = open ? 0 : bit(n) - 1;
+  shell.state = static_cast<int>(machine.state);
   shell.path_stop = machine.stop == StopKind::path ? limits.stop : 0;
 }
 }  // namespace truepose

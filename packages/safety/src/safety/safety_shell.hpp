@@ -8,9 +8,9 @@
 // Bounded work, no allocation, exception or lock. No NaN reaches a motor.
 #pragma once
 
-#include "control/dynamics.hpp"
 #include "control/limit_check.hpp"
-#include "control/safety_states.hpp"
+#include "control/supervisor.hpp"
+#include "safety/safety_states.hpp"
 
 namespace truepose {
 /// Requests of the operator. An acknowledgement and a start act when they begin.
@@ -28,22 +28,8 @@ struct SafetyCycle : CheckedCycle {
   SafetyRequests request;
 };
 
-/// Report of a shell.
-struct SafetyReport {
-  SafetyState state = SafetyState::stopped;    ///< of the machine
-  StopCause cause = StopCause::none;           ///< the first since the acknowledgement,
-  int part = -1;                               ///< and its motor or -1
-  StopCause refused = StopCause::none;         ///< why a request of this cycle has no effect
-  std::uint32_t causes = 0;                    ///< all since the acknowledgement, as bits
-  std::uint32_t brakes = bit(kMaxMotors) - 1;  ///< motors whose brakes must hold, as bits
-  int follows = false;  ///< 1: the law acts; else it starts anew in each cycle, and no path moves
-  int unused = 0;
-  Real path_stop = 0;  ///< duration of the stop along the path, s, for PathClock; 0: continue
-  Joint torque{};      ///< to the motors
-};
-
 /// State and report, the caller's; a new one is switched on: stopped, with closed brakes.
-struct SafetyShell : SafetyReport, LimitState {
+struct SafetyShell : GuardReport, LimitState {
   SafetyMachine machine;
   bool started = false, acknowledged = false;  ///< requests of the last cycle
   Real since = 0;                              ///< time in this state, s

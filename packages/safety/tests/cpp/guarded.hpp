@@ -2,10 +2,10 @@
 #pragma once
 
 #include "control/limit_defaults.hpp"
-#include "control/safety_shell.hpp"
 #include "control/trajectory.hpp"
 #include "controllers.hpp"
 #include "rotational.hpp"
+#include "safety/safety_shell.hpp"
 
 namespace pivots_tested {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "check.hpp"
-#include "control/safety_states.hpp"
+#include "safety/safety_states.hpp"
 
 using namespace truepose;
 
