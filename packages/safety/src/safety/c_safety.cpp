@@ -13,13 +13,11 @@ struct Held<truepose_safety_shell> : InMemory<truepose_safety_shell, 0x5368656CU
 using Shell = Held<truepose_safety_shell>;
 
 namespace {
-SafetyCycle cycle_of(const truepose_safety_marks& from) {
-  SafetyCycle cycle;
+void mark(const truepose_safety_marks& from, SafetyCycle& cycle) {
   cycle.counter = {from.counter_given != 0, from.counter};
   cycle.time = {from.time_given != 0, from.time};
   cycle.known = from.known != 0;
   cycle.request = {from.start != 0, from.stop != 0, from.acknowledge != 0};
-  return cycle;
 }
 }  // namespace
 }  // namespace truepose::c
@@ -56,7 +54,7 @@ truepose_outcome truepose_control_safely(
     if (monitor && !(setup && c::monitors(*setup, robot, finest))) return c::kUnfinished;
     const c::Known by(robot, known, work, &made.kept, setup || made.weighs());
     if (!by.sound) return by.sound;
-    safe.guard.next = c::cycle_of(*marks);
+    c::mark(*marks, safe.guard.next);
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made.late};
     const Outcome outcome =
@@ -72,7 +70,8 @@ truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_she
                                 const truepose_safety_marks* marks,
                                 truepose_safety_report* report) {
   return c::with(model, shell)([&](const Robot& robot, c::Shell& safe) {
-    SafetyCycle core = c::cycle_of(*marks);
+    SafetyCycle core;
+    c::mark(*marks, core);
     core.answer.status = static_cast<Status>(cycle->status);
     core.suspected = cycle->suspected | cycle->lost;
     core.lost = cycle->lost != 0;

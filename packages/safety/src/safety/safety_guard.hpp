@@ -22,10 +22,9 @@ struct SafetyGuard final : Guard {
 
   void guard(const Robot& robot, const Setpoint& setpoint, const Extended& q_e, Outcome answer,
              const ControlState& state, const FaultMonitor* monitor) TRUEPOSE_BOUNDED override {
-    SafetyCycle cycle = next;
-    if (counted) cycle.counter = {true, frame};
-    complete(robot.motors, setpoint, q_e, answer, state, monitor, cycle);
-    truepose::guard(robot, limits, cycle, shell);
+    if (counted) next.counter = {true, frame};
+    complete(robot.motors, setpoint, q_e, answer, state, monitor, next);
+    truepose::guard(robot, limits, next, shell);
   }
   const GuardReport& report() const TRUEPOSE_BOUNDED override { return shell; }
   bool begins(int cycle) override;

@@ -95,7 +95,7 @@ void guard(const Robot& robot, const SafetyLimits& limits, const SafetyCycle& cy
   step.found = check_limits(n, freedoms, limits, cycle, shell.follows, shell.torque, shell);
   step.found.add(!step.closed() && !consistent(limits, n, freedoms),
                  StopCause::contradictory_limits);
-  step.found.add(!cycle.known, StopCause::unknown_pose);
+  step.found.add(!cycle.known || !cycle.placed, StopCause::unknown_pose);
   step.found.add(cycle.lost, StopCause::suspected_motor);
   step.found.add(cycle.disagree, StopCause::readings_disagree);
   const bool fresh = step.found.fresh;

@@ -20,8 +20,9 @@ struct SafetyRequests {
 
 /// What the shell is told in one cycle.
 struct SafetyCycle : CheckedCycle {
-  Joint load{};       ///< the last part of the torque from the model: feed-forward and integrals
-  bool known = true;  ///< the motors are referenced, the pose is known
+  Joint load{};        ///< the last part of the torque from the model: feed-forward and integrals
+  bool known = true;   ///< the motors are referenced,
+  bool placed = true;  ///< and the fault monitor has their pose
   std::uint32_t suspected = 0;  ///< motors that may be faulty, as bits
   bool lost = false;            ///< a motor has no substitute, or cannot be excluded
   bool disagree = false;        ///< readings disagree, none is isolated
