@@ -18,9 +18,9 @@
 
 #include "../tests/cpp/rotational.hpp"
 #include "control/command.hpp"
-#include "control/safe_control.hpp"
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "estimation/online_calibrator.hpp"
+#include "safety/safety_guard.hpp"
 #include "simulation/plant.hpp"
 
 using namespace truepose;
@@ -258,35 +258,39 @@ void monitors(Robot robot, const ControlSettings& settings, const Weighing& weig
   struct Shelled {
     ControlState state;
     FaultTolerantState fault_state;
-    SafetyShell shell, alone;
+    SafetyGuard guard;
+    SafetyShell alone;
     SafetyCycle cycle;
   } begun, now;
+  begun.guard.limits = limits;
   const auto cycle = [&](Shelled& of, int k) {
-    of.cycle = {};
-    of.cycle.counter = {true, static_cast<std::uint64_t>(100 + k)};
-    of.cycle.request = {k == 40, false, k == 20};
+    of.guard.next.counter = {true, static_cast<std::uint64_t>(100 + k)};
+    of.guard.next.request = {k == 40, false, k == 20};
     const int i = std::max(k - 80, 0);
     const Monitored monitored{&monitoring, &of.fault_state};
-    return control_safely(robot, settings, limits, on_path.setpoint[i], on_path.q_e[i], of.state,
-                          of.shell, of.cycle, weighing, monitored)
-        .status;
+    return control_guarded(robot, settings, on_path.setpoint[i], on_path.q_e[i], of.state, of.guard,
+                           weighing, monitored);
+  };
+  const auto completed = [&](Shelled& of, int k) {
+    static_cast<void>(cycle(of, k));
+    of.cycle = of.guard.next;
   };
   const auto guarded = [&] {
     guard(robot, limits, now.cycle, now.alone);
     return now.alone.follows ? Status::ok : Status::unfinished;
   };
   for (int k = 0; k < 80; ++k) {  // acknowledged, started, brakes open
-    static_cast<void>(cycle(begun, k));
+    completed(begun, k);
     guard(robot, limits, begun.cycle, begun.alone);
   }
   usual("H4 safe TEJ", [&](int i) {
     if (i == 0) now = begun;
-    return cycle(now, 80 + i);
+    return cycle(now, 80 + i).status;
   });
   std::vector<SafetyCycle> seen_cycles;
   now = begun;
   for (int i = 0; i < kPoses; ++i) {
-    static_cast<void>(cycle(now, 80 + i));
+    completed(now, 80 + i);
     seen_cycles.push_back(now.cycle);
   }
   usual("H4 safety shell", [&](int i) {

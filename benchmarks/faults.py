@@ -3,7 +3,7 @@
 faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
 faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
 faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
-faults.py campaign [--robots 5]          # docs/safety-shell.md: every kind, in the shell
+faults.py campaign [--robots 5]   # packages/safety/docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
 faults.py consequences                   # docs/fault-consequences.md
@@ -20,6 +20,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from itertools import chain, product
+from typing import Any
 
 import numpy as np
 from printing import arguments, head, row
@@ -46,8 +47,7 @@ CHANCES = (1e-3, 1e-4, 1e-5)  #: false alarms per cycle
 TIMES, AT = 1.5, 0.25  #: size of a fault over its detectability; its start, s, moves take 0.3 s
 PICKED = 0.05  #: s, start of noise and payloads
 SLOW = 0.01  #: m/s, from which on stops are compared with the printed distance
-Fault, Disturbance, Shell = tp.faults.Fault, tp.faults.Disturbance, tp.control.SafetyShell
-Run = tp.simulation.Run
+Fault, Disturbance, Run = tp.faults.Fault, tp.faults.Disturbance, tp.simulation.Run
 
 
 def monitoring(carry: bool = False, **options: object) -> tp.FaultMonitor:
@@ -55,6 +55,13 @@ def monitoring(carry: bool = False, **options: object) -> tp.FaultMonitor:
     from truepose_safety import MomentumObserver
 
     return tp.FaultMonitor(forces=MomentumObserver(carry=carry), **options)
+
+
+def shell_of(**options: object) -> Any:
+    """Return a safety shell."""
+    from truepose_safety import SafetyShell
+
+    return SafetyShell(**options)
 
 
 def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[tp.Robot, tp.Robot]:
@@ -102,7 +109,7 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     """Return the results on every fault of a robot, with the monitor and, if `shells`, without."""
     which, seed = task
     robot, truth = sampled(which, seed)
-    controller, shell = tp.Controller(law=law), Shell() if shells else None
+    controller, shell = tp.Controller(law=law), shell_of() if shells else None
     path = way(robot, 3 if shells else 4, seed, 0.3)
     run = partial(
         tp.simulate, robot, truth, controller, path=path, run=Run(seed=seed, safety=shell)
@@ -111,7 +118,7 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
         healthy = run()
     except (tp.PoseError, tp.InputError):
         return []
-    limits = Shell().limits(robot, controller)
+    limits = tp.control.Limits().limits(robot, controller)
     detectable = tp.faults.detectability(robot, healthy.x[::20], poses(robot, POSES, seed))
     stated = detectable.pose_error(law)[..., 0].reshape(-1, len(robot.readings))
     turning = angles(robot)
@@ -193,7 +200,7 @@ def frozen(task: tuple[str, str, bool, int]) -> list[tuple]:
     which, law, counter, seed = task
     name, sensors = SETS[which]
     robot = tp.load(name).with_sensors(*sensors)
-    shell, controller = Shell(counter=counter), tp.Controller(law=law)
+    shell, controller = shell_of(counter=counter), tp.Controller(law=law)
     limits, results = shell.limits(robot, controller), []
     random = np.random.default_rng([seed, 3])
     box = robot.spec.workspace
@@ -264,7 +271,7 @@ def healthy(seconds: float, task: tuple[int, str]) -> tuple:
         run = tp.simulate(
             robot, truth, control, path=way(robot, int(seconds / 0.7) + 2, seed, 0.7),
             effects=effects, monitor=monitoring(effects=effects),
-            run=Run(seed=seed, safety=Shell(effects=effects),
+            run=Run(seed=seed, safety=shell_of(effects=effects),
                     disturbances=disturbances(robot, kind, seed)),
         )  # fmt: skip
     except (tp.PoseError, tp.InputError):

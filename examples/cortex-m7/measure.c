@@ -4,6 +4,7 @@
 
 #include "agree.h"
 #include "board.h"
+#include "truepose_safety.h"
 #include "vectors.h"
 
 #ifndef ROBOT

@@ -30,6 +30,7 @@ COMMANDS = {
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
+    "truepose.control.safety": "truepose_safety.shell",
     "truepose.deploy.json_export": "truepose_printers.robot_json",
     "truepose.faults.parity": "truepose.calibration.parity",
     "truepose.integrations.importers": "truepose_mujoco.importers",
@@ -48,10 +49,11 @@ MODULES = {
 }
 #: New name of each name of a module that moved.
 NAMES = {
+    "truepose.control": {"SafetyShell": "truepose_safety.SafetyShell"},
     "truepose.simulation": {
         "StartTest": "truepose_safety.StartTest",
         "start_test": "truepose_safety.start_test",
-    }
+    },
 }
 
 

@@ -2,7 +2,8 @@
 
 Groups: ``truepose.commands`` (a function or a typer app; ``export.NAME`` adds to a group),
 ``truepose.studies`` (a function of a study), ``truepose.supervisors`` (``forces``: a class of
-:class:`truepose.faults.monitor.Supervising` objects), ``truepose.log_formats`` (a module with
+:class:`truepose.faults.monitor.Supervising` objects; ``safety``: one of
+:class:`truepose.control.limits.Guarding` objects), ``truepose.log_formats`` (a module with
 ``MAGIC``, ``read`` and ``write``; named by its ending) and ``truepose.clusters`` (a context manager
 that yields a function to submit a task, and the number of workers). The core imports no
 integration.

@@ -12,7 +12,6 @@
 #include "c/each.hpp"
 #include "control/fault_tolerant_control.hpp"
 #include "control/joints.hpp"
-#include "control/safe_control.hpp"
 #include "estimation/estimate.hpp"
 #include "truepose/truepose.h"
 
@@ -137,8 +136,6 @@ TRUEPOSE_TABLE(truepose_servo_cycle, ServoCycle, q_d, error, J, tej, x)
 TRUEPOSE_TABLE(truepose_axis_state, AxisState, position, velocity, torque)
 TRUEPOSE_TABLE(truepose_setpoint, Setpoint, x, rate, acceleration)
 TRUEPOSE_TABLE(truepose_path_clock, PathClock, time, rate, slowing, since)
-TRUEPOSE_TABLE(truepose_safety_report, SafetyReport, state, cause, part, refused, causes, brakes,
-               follows, unused, path_stop, torque)
 
 // Parts of a robot are arrays of the structs above.
 static_assert(offsetof(truepose_description, sensor) == offsetof(Robot, sensor) &&

@@ -1,5 +1,5 @@
-// Controllers, fault monitor and safety shell for Python. No mathematics.
-#include "control/safety_defaults.hpp"
+// Controllers, fault monitor and limits for Python. No mathematics.
+#include "control/limit_defaults.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"
@@ -80,23 +80,23 @@ auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, c
   return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
 }
 
-/// A controller of an external plant: its state, and with a safety shell the path's clock.
+/// A controller of an external plant: its state, and with a guard the path's clock.
 struct ExternalControl {
-  std::optional<Safety> safety;
-  SafetyShell shell;
+  Guard* guard;
   ControlState state;
   FaultTolerantState fault_state;
   PathClock clock;
-  std::uint64_t frame = 0;
 
-  explicit ExternalControl(const std::optional<Safety>& shell_limits) : safety(shell_limits) {}
+  explicit ExternalControl(Optional<Guard> of) : guard(of.value_or(nullptr)) {
+    if (guard) guard->restart();
+  }
 
-  /// One cycle. @param frozen  the frame's counter stands still @param begins  the operator's
-  /// acknowledgement and start; these and the monitor only with a safety shell
+  /// One cycle. @param frozen  the frame's counter stands still; this and the monitor only with a
+  /// guard
   auto step(const Robot& robot, const ControlSettings& with, const Coordinates& x,
             const Coordinates& rate, const Coordinates& acceleration, Extended q_e,
             Optional<const Known> known, Optional<Slow> slow,
-            Optional<const FaultTolerantSetup> monitor, bool frozen, std::pair<bool, bool> begins) {
+            Optional<const FaultTolerantSetup> monitor, bool frozen) {
     const FaultTolerantSetup* setup = monitor.value_or(nullptr);
     const Weights own(setup ? setup->robot : robot,
                       setup ? &setup->known : known.value_or(nullptr));
@@ -104,17 +104,14 @@ struct ExternalControl {
     Weighing weighing = own;
     if (late && !setup) weighing = compensated(robot, own, *late, (*slow)->known, q_e);
     const Setpoint setpoint{x, rate, acceleration};
-    if (!safety) return answered(control(robot, with, setpoint, q_e, state, weighing));
+    if (!guard) return answered(control(robot, with, setpoint, q_e, state, weighing));
     Monitored monitored;
     if (setup) monitored = {&setup->settings, &fault_state, late};
-    SafetyCycle cycle;
-    cycle.request = {begins.second, false, begins.first};
-    if (!frozen) ++frame;
-    cycle.counter = {safety->counted, frame};
-    const Outcome outcome = control_safely(robot, with, safety->limits, clock.paced(setpoint), q_e,
-                                           state, shell, cycle, weighing, monitored);
-    if (!shell.follows) clock.rate = 0;
-    clock.advance(with.period, shell.path_stop);
+    if (!frozen) ++guard->frame;
+    const Outcome outcome = control_guarded(robot, with, clock.paced(setpoint), q_e, state, *guard,
+                                            weighing, monitored);
+    if (!guard->report().follows) clock.rate = 0;
+    clock.advance(with.period, guard->report().path_stop);
     return answered(outcome);
   }
 };
@@ -124,13 +121,13 @@ void bind_control(nb::module_& m) { m.def("settle", &settled); }
 
 void bind_safety(nb::module_& m) {
   nb::class_<Supervisor>(m, "Supervisor");  // of packages
+  nb::class_<Guard>(m, "Guard");
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&, Optional<Supervisor>,
                     const Delays&>(),
            nb::keep_alive<1, 5>())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
   m.def("review", &review);
-  nb::class_<Safety>(m, "Safety").def(nb::init<const SafetyLimits&, bool>());
   m.def("default_limits", [](const Robot& robot, const ControlSettings& settings) {
     SafetyLimits derived;
     const Outcome outcome = default_limits(robot, settings, derived);
@@ -147,14 +144,15 @@ void bind_safety(nb::module_& m) {
           return answered(outcome, distance);
         });
   nb::class_<ExternalControl>(m, "ExternalControl")
-      .def(nb::init<const std::optional<Safety>&>())
+      .def(nb::init<Optional<Guard>>(), nb::keep_alive<1, 2>())
       .def("step", &ExternalControl::step)
+      .def("starts", [](ExternalControl& own, int cycle) { return own.guard->begins(cycle); })
       .def("begin", [](ExternalControl& own) { own.clock = {}; })
       .def_prop_ro("time", [](const ExternalControl& own) { return own.clock.time; })
       .def_prop_ro("torque",
                    [](const ExternalControl& own) {
-                     return own.safety ? own.shell.torque : own.state.torque;
+                     return own.guard ? own.guard->report().torque : own.state.torque;
                    })
-      .def_prop_ro("report", [](const ExternalControl& own) -> SafetyReport { return own.shell; });
+      .def_prop_ro("report", [](const ExternalControl& own) { return own.guard->report(); });
 }
 }  // namespace truepose::python

@@ -38,14 +38,12 @@ class Simulation {
   Simulation(const Robot& believed, const Robot& real, const ControlSettings& control,
              Optional<const Known> known, const Effects& effects, Optional<Online> online,
              const std::vector<Fault>& faults, Optional<const FaultTolerantSetup> monitor,
-             const Lateness& delays, const std::vector<Event>& events,
-             const std::optional<Safety>& safety, int steps, const Coordinates& start,
-             std::uint64_t seed)
+             const Lateness& delays, const std::vector<Event>& events, Optional<Guard> guard,
+             int steps, const Coordinates& start, std::uint64_t seed)
       : nominal_(believed),
         truth_(real),
         settings_(control),
         delays_(delays),
-        safety_(safety),
         weights_(nominal_, known.value_or(nullptr)),
         monitor_weights_(monitor ? (*monitor)->robot : nominal_,
                          monitor ? &(*monitor)->known : nullptr),
@@ -56,7 +54,7 @@ class Simulation {
     extras_.weighing = weights_, extras_.monitor_weighing = monitor_weights_;
     extras_.effects = effects, extras_.events = events;
     if (!faults.empty()) extras_.faults = &faults_;
-    if (safety_) extras_.safety = &*safety_;
+    extras_.guard = guard.value_or(nullptr);
     if (delays_.first) extras_.late = &*delays_.first;
     if (delays_.second) extras_.bus = &*delays_.second;
     if (monitor) {
@@ -80,7 +78,6 @@ class Simulation {
   const Robot nominal_, truth_;
   const ControlSettings settings_;
   const Lateness delays_;
-  const std::optional<Safety> safety_;
   Weights weights_, monitor_weights_;
   FaultyReadings faults_;
   FaultTolerantSettings fault_settings_;
@@ -227,8 +224,9 @@ void bind_simulation(nb::module_& m) {
       .def(nb::init<const Robot&, const Robot&, const ControlSettings&, Optional<const Known>,
                     const Effects&, Optional<Online>, const std::vector<Fault>&,
                     Optional<const FaultTolerantSetup>, const Lateness&, const std::vector<Event>&,
-                    const std::optional<Safety>&, int, const Coordinates&, std::uint64_t>(),
-           nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>())
+                    Optional<Guard>, int, const Coordinates&, std::uint64_t>(),
+           nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>(),
+           nb::keep_alive<1, 12>())
       .def("follow", &Simulation::follow)
       .def("visit", &Simulation::visit);
   m.def("spoil", &batch_spoil);

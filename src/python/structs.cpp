@@ -81,7 +81,6 @@ void bind_tables(nb::module_& m) {
   enumeration(m, "LinkKind", {"plane", "distance", "point"});
   m.attr("symptoms") =
       nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees", "noisy");
-  m.attr("safety_states") = nb::make_tuple("ready", "running", "stopping", "stopped", "fault");
 }
 
 /// Throws if the core failed. @throws nb::value_error
@@ -280,7 +279,9 @@ void enumeration(nb::module_& m, const char* name, const std::vector<const char*
 void bind_structs(nb::module_& m) {
   bind_tables(m);
   structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MultirateSettings,
-             SafetyLimits, SafetyReport>(m);
+             SafetyLimits>(m);
+  structure<GuardReport>(m, "GuardReport",
+                         TRUEPOSE_MEMBERS(GuardReport, cause, part, brakes, follows));
   structure<engine::Body>(
       m, "MechanismBody",
       TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));

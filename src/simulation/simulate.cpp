@@ -11,6 +11,7 @@ Loop::Loop(const Robot& nominal, const Robot& truth, const ControlSettings& sett
       resting_(plant_.rest()),
       bus_(extras.bus ? *extras.bus : MultirateSettings{}) {
   if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
+  if (extras.guard) extras.guard->restart();
 }
 
 Outcome Loop::move(const Run& run, const Write& write) {
@@ -25,11 +26,11 @@ Outcome Loop::move(const Run& run, const Write& write) {
 
 Outcome Loop::follow(int periods, int steps, const Path& path, const Write& write) {
   if (!resting_) return resting_;
-  const Safety* const safety = extras_.safety;
+  const GuardReport* const guarded = extras_.guard ? &extras_.guard->report() : nullptr;
   Cycle cycle;
-  if (safety && !shell_.follows) {
+  if (guarded && !guarded->follows) {
     const Outcome outcome = switch_on(path(0.0), cycle);
-    if (!outcome || !shell_.follows) {
+    if (!outcome || !guarded->follows) {
       write(sampled(0, path(0.0), cycle));
       return outcome;
     }
@@ -45,8 +46,8 @@ Outcome Loop::follow(int periods, int steps, const Path& path, const Write& writ
     write(sampled(time, setpoint, cycle));
     if (k == periods) break;
     if (clock_.rate == 1 && !fault_state_.stops) clock_.time = k * settings_.period;
-    if (safety && !shell_.follows) clock_.rate = 0;
-    clock_.advance(settings_.period, safety ? shell_.path_stop : fault_state_.stop);
+    if (guarded && !guarded->follows) clock_.rate = 0;
+    clock_.advance(settings_.period, guarded ? guarded->path_stop : fault_state_.stop);
     plant_.brake(brakes(), settings_.period);
     disturb(extras_.began + time);
     outcome = plant_.advance(late ? before : torque(), settings_.period, steps);
@@ -83,9 +84,9 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
       learns && !monitored && calibrate_online(*learner, present).status == Status::stopped;
   const Robot& believed = learner ? learner->robot : nominal_;
   Multirate* const late = slow ? &late_ : nullptr;
-  if (extras_.safety)
-    outcome = run_safely(believed, time, setpoint, monitored ? q_e : present,
-                         monitored ? extras_.monitor_weighing : weighing, cycle.request);
+  if (extras_.guard)
+    outcome = run_guarded(believed, time, setpoint, monitored ? q_e : present,
+                          monitored ? extras_.monitor_weighing : weighing);
   else if (extras_.law)
     outcome = control_by_own_law(believed, setpoint, present);
   else if (monitored)
@@ -100,7 +101,7 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
   }
   if (!extras_.law) control_.started = control_.started || outcome;
   cycle.status = outcome.status;
-  return outcome || extras_.faults || extras_.safety ? Outcome{} : outcome;
+  return outcome || extras_.faults || extras_.guard ? Outcome{} : outcome;
 }
 
 Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint,
@@ -114,45 +115,32 @@ Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint
   return control(believed, settings_, setpoint, shown, control_);
 }
 
-Outcome Loop::run_safely(const Robot& believed, double time, const Setpoint& setpoint,
-                         const Extended& q_e, const Weighing& weighing,
-                         const SafetyRequests& request) {
-  const Safety& safety = *extras_.safety;
-  SafetyCycle cycle;
-  cycle.request = request;
-  if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++frame_;
-  cycle.counter = {safety.counted, frame_};
+Outcome Loop::run_guarded(const Robot& believed, double time, const Setpoint& setpoint,
+                          const Extended& q_e, const Weighing& weighing) {
+  Guard& guard = *extras_.guard;
+  if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++guard.frame;
   if (!extras_.law)
-    return control_safely(believed, settings_, safety.limits, setpoint, q_e, control_, shell_,
-                          cycle, weighing,
-                          {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
-                           extras_.late ? &late_ : nullptr});
-  cycle.x = setpoint.x;
-  std::copy_n(q_e.begin(), nominal_.motors, cycle.q.begin());
+    return control_guarded(
+        believed, settings_, setpoint, q_e, control_, guard, weighing,
+        {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
+         extras_.late ? &late_ : nullptr});
   const Pose pose = to_pose(nominal_.mobility, setpoint.x);
-  cycle.answer = command(Level::ideal, believed, pose, cycle.q_d);
-  if (cycle.answer)
-    cycle.answer =
-        inverse_dynamics(believed, pose, setpoint.rate, setpoint.acceleration, cycle.load);
-  if (cycle.answer && shell_.follows) cycle.answer = control_by_own_law(believed, setpoint, q_e);
-  cycle.torque = control_.torque;
-  guard(believed, safety.limits, cycle, shell_);
-  return cycle.answer;
+  ControlState own;  // its error is not known
+  Outcome answer = command(Level::ideal, believed, pose, own.q_d);
+  if (answer)
+    answer = inverse_dynamics(believed, pose, setpoint.rate, setpoint.acceleration, own.load);
+  if (answer && guard.report().follows) answer = control_by_own_law(believed, setpoint, q_e);
+  own.torque = control_.torque;
+  guard.guard(believed, setpoint, q_e, answer, own, nullptr);
+  return answer;
 }
 
 Outcome Loop::switch_on(const Setpoint& setpoint, Cycle& cycle) {
-  constexpr int kWaits = 48;  // cycles
-  const double longest = 1000 + extras_.safety->limits.brake / settings_.period;
   Plant waits(plant_);
-  StopCause refused = StopCause::none;
-  for (int k = 0; k < longest && !shell_.follows; ++k) {
-    cycle.request = {k > kWaits, false, k >= kWaits};
+  for (int k = 0; extras_.guard->begins(k); ++k) {
     const Outcome outcome = run_cycle(waits, -settings_.period, setpoint, cycle);
     if (!outcome) return outcome;
-    if (refused == StopCause::none) refused = shell_.refused;
   }
-  cycle.request = {};
-  if (shell_.cause == StopCause::none) shell_.cause = refused;
   return {};
 }
 
@@ -163,10 +151,11 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
   sample.stops = fault_state_.stops;
   sample.brakes = brakes();
   sample.warm = fault_state_.monitor.warm_up.warm;
-  if (extras_.safety) {
-    sample.safety = static_cast<int>(shell_.machine.state);
-    sample.cause = shell_.cause;
-    sample.part = shell_.part;
+  if (extras_.guard) {
+    const GuardReport& report = extras_.guard->report();
+    sample.safety = report.state;
+    sample.cause = report.cause;
+    sample.part = report.part;
   }
   if (extras_.fault_settings && extras_.fault_settings->supervisor) {
     const DisturbanceReport& report = extras_.fault_settings->supervisor->disturbance();

@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "control/command.hpp"
-#include "control/safe_control.hpp"
+#include "control/guarded_control.hpp"
 #include "estimation/online_calibrator.hpp"
 #include "simulation/bus.hpp"
 #include "simulation/effects.hpp"
@@ -38,16 +38,10 @@ struct Sample {
   double size = 0;                              ///< mass, friction or force,
   Coordinates force{};                          ///< and the external force
   bool refused = false;                         ///< too heavy to be fed forward
-  int safety = -1;                              ///< SafetyState; -1: without a safety shell
-  StopCause cause = StopCause::none;            ///< the safety shell's,
+  int safety = -1;                              ///< state of the guard; -1: without one
+  StopCause cause = StopCause::none;            ///< the guard's,
   int part = -1;                                ///< and its motor or -1
   bool warm = false;                            ///< only a warm-up explains the readings
-};
-
-/// Settings of a safety shell around the loop.
-struct Safety {
-  SafetyLimits limits;
-  bool counted = true;  ///< frames carry a counter
 };
 
 /// A user-defined law: from desired pose and readings to the motor error. It may throw.
@@ -64,9 +58,9 @@ struct Extras {
   Weighing monitor_weighing{};                            ///< weights of the fault monitor
   const MultirateSettings* bus = nullptr;                 ///< multirate sensors of the true robot,
   const MultirateSettings* late = nullptr;                ///< and as the controller models them
-  OwnLaw law{};                    ///< replaces the law `joint` of the settings
-  std::vector<Event> events{};     ///< disturbances of the true robot
-  const Safety* safety = nullptr;  ///< enables the safety shell
+  OwnLaw law{};                 ///< replaces the law `joint` of the settings
+  std::vector<Event> events{};  ///< disturbances of the true robot
+  Guard* guard = nullptr;       ///< a package's, between law and machine
 };
 
 /// Setpoints of a path, by period; fractional where it slows down.
@@ -97,25 +91,28 @@ class Loop {
     Extended q_e{};
     Status status{};
     bool gave_up = false;
-    SafetyRequests request;
   };
 
-  const Joint& torque() const { return extras_.safety ? shell_.torque : control_.torque; }
-  std::uint32_t brakes() const { return extras_.safety ? shell_.brakes : fault_state_.brakes; }
+  const Joint& torque() const {
+    return extras_.guard ? extras_.guard->report().torque : control_.torque;
+  }
+  std::uint32_t brakes() const {
+    return extras_.guard ? extras_.guard->report().brakes : fault_state_.brakes;
+  }
 
   /// Reads the sensors and runs the controller.
-  /// @return the plant's failure, or, without faults and shell, the controller's
+  /// @return the plant's failure, or, without faults and guard, the controller's
   Outcome run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cycle& cycle);
 
   /// `control` on the error of an own law: the law `joint` on readings that differ by it.
   Outcome control_by_own_law(const Robot& believed, const Setpoint& setpoint, const Extended& q_e);
 
-  /// The law inside the safety shell. An own law is not called before it acts.
-  Outcome run_safely(const Robot& believed, double time, const Setpoint& setpoint,
-                     const Extended& q_e, const Weighing& weighing, const SafetyRequests& request);
+  /// The law and its guard. An own law is not called before it acts.
+  Outcome run_guarded(const Robot& believed, double time, const Setpoint& setpoint,
+                      const Extended& q_e, const Weighing& weighing);
 
-  /// Acknowledges and starts the safety shell of the robot at rest, until the law acts. The brakes
-  /// hold the robot, so the plant's state, that of its noise included, is the same afterwards.
+  /// Acknowledges and starts the guard of the robot at rest, until the law acts. The brakes hold
+  /// the robot, so the plant's state, that of its noise included, is the same afterwards.
   Outcome switch_on(const Setpoint& setpoint, Cycle& cycle);
 
   Sample sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const;
@@ -131,8 +128,6 @@ class Loop {
   Outcome resting_;
   ControlState control_;
   FaultTolerantState fault_state_;
-  SafetyShell shell_;
-  std::uint64_t frame_ = 0;  ///< counter of the readings' frames
   PathClock clock_;
   Multirate late_;
   Bus bus_;

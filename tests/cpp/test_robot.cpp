@@ -1,8 +1,8 @@
 // The robot as plain data, and robots that are not finished. By the one include.
 #include "control/command.hpp"
 #include "control/fault_tolerant_control.hpp"
+#include "control/guarded_control.hpp"
 #include "control/joints.hpp"
-#include "control/safe_control.hpp"
 #include "estimation/estimate.hpp"
 #include "estimation/linearise.hpp"
 #include "estimation/online_calibrator.hpp"

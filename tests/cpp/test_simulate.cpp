@@ -1,7 +1,7 @@
 // The simulated loop of an ideal robot: at rest, along a move, on a circle.
 #include <numbers>
 
-#include "safety_bench.hpp"
+#include "controllers.hpp"
 #include "simulation/simulate.hpp"
 
 using namespace mechanisms;
@@ -26,20 +26,51 @@ TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and e
   }
 }
 
-TEST("a run begins however long the brakes of its safety shell take to open") {
-  const Robot robot = limited_robot(h4());
+namespace {
+
+/// Lets the law act after some cycles, or never, and passes on its torques.
+struct Passing final : Guard {
+  int waits = 20, restarts = 0, cycles = 0;
+  bool ever = true;
+  GuardReport passed;
+
+  void guard(const Robot&, const Setpoint&, const Extended&, Outcome answer,
+             const ControlState& state, const FaultMonitor*) TRUEPOSE_BOUNDED override {
+    cycles += bool(answer);
+    passed.torque = state.torque;
+  }
+  const GuardReport& report() const TRUEPOSE_BOUNDED override { return passed; }
+  bool begins(int cycle) override {
+    passed.follows = ever && cycle == waits;
+    if (passed.follows) passed.brakes = 0;
+    return cycle < waits;
+  }
+  void restart() override { ++restarts; }
+};
+
+}  // namespace
+
+TEST_EACH(for_each,
+          "behind a guard that passes all torques a robot moves as without, once it may") {
+  check::Random random(67);
+  const Run run{robot.home, any_x(random, 0.5), 0.1, 0, 2};
   const ControlSettings settings = settings_for(robot, Law::joint);
-  Safety safety;
-  CHECK(default_limits(robot, settings, safety.limits));
-  safety.limits.brake = 1.5;
-  Extras extras;
-  extras.safety = &safety;
-  const Run run{robot.home, robot.home, 0.1, 0, 2};
-  std::size_t rows = 0;
-  CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras).move(run, [&](const Sample&) {
-    ++rows;
-  }));
-  CHECK(rows == 101);
+  const auto logged = [&](Guard* guard) {
+    Extras extras;
+    extras.guard = guard;
+    std::vector<Sample> log;
+    CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras)
+              .move(run, [&](const Sample& sample) { log.push_back(sample); }));
+    return log;
+  };
+  Passing guard, never;
+  never.ever = false;
+  const std::vector<Sample> bare = logged(nullptr), guarded = logged(&guard);
+  CHECK(guard.restarts == 1 && guard.cycles == guard.waits + 101 && guard.frame == 121);
+  CHECK(bare.size() == 101 && guarded.size() == 101);
+  for (std::size_t k = 0; k < bare.size(); ++k)
+    CHECK(bare[k].x == guarded[k].x && bare[k].torque == guarded[k].torque);
+  CHECK(logged(&never).size() == 1);
 }
 
 namespace {

@@ -68,10 +68,9 @@ def test_a_frozen_encoder_still_fails(h4, seed):
     assert run.time[run.health[:, 0] == HEALTH.index("failed")][0] < 0.14
 
 
-@pytest.mark.parametrize("safety", [None, tp.control.SafetyShell()], ids=["bare", "shell"])
-def test_a_payload_that_the_motors_cannot_hold_ends_the_run_with_its_log(h4, safety):
+def test_a_payload_that_the_motors_cannot_hold_ends_the_run_with_its_log(h4):
     heavy = [Disturbance("payload", 0.1, 200.0)]
-    run = tp.simulate(h4, run=Run(disturbances=heavy, safety=safety))
+    run = tp.simulate(h4, run=Run(disturbances=heavy))
     assert run.status == run.ended and run.status.startswith("stopped after 0.3")
     assert 300 < len(run.time) < 401 and len(list(run.table())) == 5
 

@@ -136,26 +136,6 @@ def test_an_encoder_that_freezes_just_before_its_motor_rests_drives_it_by_2_mm_a
     assert off.max() < 2e-3
 
 
-@pytest.mark.parametrize("reading", ["theta", "q3", "q4"])
-@pytest.mark.parametrize("at, most", [(0.04, 4e-3), (0.3, 1e-3)])  # in motion; at rest
-def test_in_the_shell_a_drift_stops_the_robot_along_its_path(calibrated, reading, at, most):
-    """Every motor is plausible. By brakes it would stop 27 to 38 mm off its setpoint."""
-    robot, truth = calibrated["θ"]
-    run = tp.simulate(
-        robot,
-        truth,
-        faults=[Fault(reading, "drift", at=at, size=-0.1)],
-        monitor=tp.FaultMonitor(),
-        run=Run(safety=tp.control.SafetyShell(), hold=0.6),
-    )
-    assert not run.failed
-    assert run.status.startswith("safety shell: readings disagree")
-    stop = int((run.stop_cause > 0).argmax())
-    assert not run.brakes[stop]
-    assert np.linalg.norm(run.error[stop:, :3] - run.error[stop, :3], axis=1).max() < most
-    assert run.brakes[stop + (152 if at < 0.2 else 25)]  # a robot at rest has no path left
-
-
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated):
     robot, truth = calibrated["θ"]
     fault = Fault("theta", "drift", at=0.05, size=0.2)

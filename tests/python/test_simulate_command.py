@@ -141,10 +141,6 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, refusal, tmp_path):
         (("--fault", "theta:stuck@1"), "theta:stuck@1: begins after the end of the run, 0.4 s"),
         (("--forces",), "--forces: only with --monitor"),
         (
-            ("--monitor", "--forces"),
-            "--forces: the observer of external forces is in the package truepose-safety",
-        ),
-        (
             ("--start-test", "--fault", "q1:swap=q2"),
             "--start-test: truepose start-test ROBOT is in the package truepose-safety",
         ),
@@ -154,4 +150,16 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, refusal, tmp_path):
     ],
 )
 def test_what_cannot_be_simulated_is_one_line(refusal, words, said):
+    assert said in refusal("simulate", "h4", *words)
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (("--monitor", "--forces"), "--forces: the observer of external forces is in the package"),
+        (("--safety",), "--safety: the safety shell is in the package truepose-safety: in a"),
+    ],
+)
+def test_what_supervises_a_run_is_in_a_package(refusal, monkeypatch, words, said):
+    monkeypatch.setattr("truepose.commands.simulate.plugins", lambda group: {})
     assert said in refusal("simulate", "h4", *words)

@@ -456,19 +456,21 @@ def test_a_real_robot_on_its_own_calibration_rests_where_the_exact_statics_say(h
 
 
 def test_a_shell_in_mujoco_waits_for_its_brakes_and_refuses_what_it_never_starts(h4):
+    SafetyShell = pytest.importorskip("truepose_safety").SafetyShell
     poses = [[0.002, 0, -0.4, 0]]
-    slow = MujocoPlant(h4, safety=tp.control.SafetyShell(brake=0.2), timestep=1e-4)
+    slow = MujocoPlant(h4, safety=SafetyShell(brake=0.2), timestep=1e-4)
     visit = slow.visit(h4, poses, tp.Controller(period=1e-4))
     assert visit.x[0] == pytest.approx(poses[0], abs=5e-4)
-    narrow = tp.control.SafetyShell(tracking=2e-3, deviation=2.1e-3)
+    narrow = SafetyShell(tracking=2e-3, deviation=2.1e-3)
     with pytest.raises(tp.PoseError, match="h4: the safety shell does not start"):
         MujocoPlant(h4.sample(1), safety=narrow).visit(h4, poses, tp.Controller())
 
 
 @pytest.mark.parametrize("monitored", [False, True])
 def test_a_frozen_bus_in_mujoco_is_stopped_by_the_brakes(h4, monitored):
+    SafetyShell = pytest.importorskip("truepose_safety").SafetyShell
     monitor = tp.FaultMonitor() if monitored else None
-    shell = {"safety": tp.control.SafetyShell(), "monitor": monitor, "duration": 0.3}
+    shell = {"safety": SafetyShell(), "monitor": monitor, "duration": 0.3}
     poses = [[0.03, 0, -0.45, 0.1], h4.home]
     healthy = MujocoPlant(h4, **shell).visit(h4, poses, tp.Controller())
     assert healthy.status.tolist() == ["ok", "ok"]

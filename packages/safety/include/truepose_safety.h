@@ -1,6 +1,6 @@
 /**
  * @file
- * Start-up test and momentum observer for machine controllers, in C99.
+ * Start-up test, safety shell and momentum observer for machine controllers, in C99.
  *
  * EXPERIMENTAL AND UNCERTIFIED. They are no safety functions: safe torque off, brakes and overspeed
  * are the drives'.
@@ -86,6 +86,110 @@ TRUEPOSE_API truepose_outcome truepose_start_test_cycle(
     const truepose_model* model, truepose_start_test* test,
     const truepose_real q_e[TRUEPOSE_READINGS], int32_t referenced, const truepose_knowledge* known,
     truepose_real* work, truepose_start_report* report);
+
+/* ------------------------------------------------------------------------------------------------
+ * Safety shell: limits around any law, defined stops, causes that last. Guide:
+ * packages/safety/docs/safety-shell.md
+ */
+
+typedef enum truepose_safety_state {
+  TRUEPOSE_SAFETY_READY = 0,    /**< acknowledged and healthy; brakes closed, waits for a start */
+  TRUEPOSE_SAFETY_RUNNING = 1,  /**< brakes open; the law acts once they have opened */
+  TRUEPOSE_SAFETY_STOPPING = 2, /**< along the path or by brake */
+  TRUEPOSE_SAFETY_STOPPED = 3,  /**< after a requested stop, and when switched on */
+  TRUEPOSE_SAFETY_FAULT = 4     /**< after a violation */
+} truepose_safety_state;
+
+typedef enum truepose_stop_cause {
+  TRUEPOSE_STOP_NONE = 0,
+  TRUEPOSE_STOP_REQUESTED = 1,
+  TRUEPOSE_STOP_CONTRADICTORY_LIMITS = 2,
+  TRUEPOSE_STOP_CLOCK_BACKWARDS = 3,
+  TRUEPOSE_STOP_DROPPED_FRAMES = 4,
+  TRUEPOSE_STOP_STALE_FRAME = 5,
+  TRUEPOSE_STOP_MISSING_READING = 6,
+  TRUEPOSE_STOP_UNKNOWN_POSE = 7,
+  TRUEPOSE_STOP_SUSPECTED_MOTOR = 8,
+  TRUEPOSE_STOP_READINGS_DISAGREE = 9,
+  TRUEPOSE_STOP_NO_ANSWER = 10,
+  TRUEPOSE_STOP_WORKSPACE = 11,
+  TRUEPOSE_STOP_SETPOINT_SPEED = 12,
+  TRUEPOSE_STOP_MOTOR_RANGE = 13,
+  TRUEPOSE_STOP_OVERSPEED = 14,
+  TRUEPOSE_STOP_TRACKING_ERROR = 15,
+  TRUEPOSE_STOP_TORQUE_RATE = 16,
+  TRUEPOSE_STOP_SATURATION = 17,
+  TRUEPOSE_STOP_NOT_READY = 18 /**< refusal of a request: not in this state */
+} truepose_stop_cause;
+/** Name of a cause in English, a constant. */
+TRUEPOSE_API const char* truepose_stop_cause_text(int32_t cause);
+
+/** What a cycle's frame and the operator say. Requests act when they begin. */
+typedef struct truepose_safety_marks {
+  uint64_t counter, time;            /**< of the frame; the time in ns */
+  int32_t counter_given, time_given; /**< 1: the frame has it */
+  int32_t known;                     /**< 1: the motors are referenced */
+  int32_t start, stop, acknowledge;  /**< 1: requested */
+} truepose_safety_marks;
+
+/** Report of a shell. Motors and causes as bits: the first motor 1, cause c 1 << c. */
+typedef struct truepose_safety_report {
+  int32_t state;           /**< truepose_safety_state */
+  int32_t cause, part;     /**< truepose_stop_cause since the acknowledgement, its motor or -1 */
+  int32_t refused;         /**< why a request of this cycle has no effect */
+  uint32_t causes;         /**< all since the acknowledgement */
+  uint32_t brakes;         /**< motors whose brakes must hold */
+  int32_t follows;         /**< 1: the law acts, and the path moves */
+  int32_t unused;          /**< 0 */
+  truepose_real path_stop; /**< duration of a stop along the path, s, for truepose_advance() */
+  truepose_real torque[TRUEPOSE_MOTORS]; /**< to the motors, N·m or N */
+} truepose_safety_report;
+
+/** Limits and state of a shell. Opaque. */
+typedef union truepose_safety_shell {
+  int64_t align;
+  unsigned char bytes[4096];
+} truepose_safety_shell;
+TRUEPOSE_API size_t truepose_safety_shell_size(void);
+
+/** Switches a shell on: stopped, with closed brakes. @return OTHER_VERSION, TOO_SMALL;
+ * NO_SUCH_VALUE: limits that contradict themselves, `part`: the motor */
+TRUEPOSE_API truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t size,
+                                                         const truepose_model* model,
+                                                         const truepose_safety_limits* limits);
+
+/** One cycle inside the shell: truepose_control(), or truepose_control_fault_tolerant() where there
+ * is a monitor. Torques and brakes are the report's, whatever the outcome.
+ * @param finest, monitor  may be null: then no reading is monitored
+ * @return of the law; UNFINISHED: something is not initialised, and the report is unchanged */
+TRUEPOSE_API truepose_outcome truepose_control_safely(
+    const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
+    truepose_fault_monitor* monitor, truepose_safety_shell* shell,
+    const truepose_setpoint* setpoint, const truepose_real q_e[TRUEPOSE_READINGS],
+    const truepose_knowledge* known, truepose_real* work, const truepose_safety_marks* marks,
+    truepose_safety_report* report);
+
+/** One cycle of a controller that is not truepose's. Motors as bits: the first one's 1. */
+typedef struct truepose_safety_cycle {
+  int32_t status;                        /**< truepose_status of the controller's answer */
+  int32_t disagree;                      /**< 1: readings disagree, none is isolated */
+  uint32_t suspected;                    /**< motors that may be faulty, */
+  uint32_t lost;                         /**< and those without a substitute */
+  truepose_real x[TRUEPOSE_FREEDOMS];    /**< pose of the setpoint */
+  truepose_real q_d[TRUEPOSE_MOTORS];    /**< motor setpoints, */
+  truepose_real q[TRUEPOSE_MOTORS];      /**< readings, */
+  truepose_real error[TRUEPOSE_MOTORS];  /**< motor errors that the loop reduces, */
+  truepose_real torque[TRUEPOSE_MOTORS]; /**< the controller's torques, N·m or N, */
+  truepose_real load[TRUEPOSE_MOTORS];   /**< and the last part of them that is not the loop's */
+} truepose_safety_cycle;
+
+/** The shell alone, after the controller's cycle. Restart the controller in each cycle in which the
+ * report before has `follows` 0. @return UNFINISHED, and the report is unchanged */
+TRUEPOSE_API truepose_outcome truepose_guard(const truepose_model* model,
+                                             truepose_safety_shell* shell,
+                                             const truepose_safety_cycle* cycle,
+                                             const truepose_safety_marks* marks,
+                                             truepose_safety_report* report);
 
 /* ------------------------------------------------------------------------------------------------
  * Momentum observer: external forces and their causes. Guide: packages/safety/docs/disturbances.md

@@ -3,6 +3,7 @@
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from typer import Context, Option
@@ -12,9 +13,8 @@ from truepose.arguments import Array, finite_rows
 from truepose.commands import options
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
-from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError, PoseError
-from truepose.faults.monitor import FaultMonitor, Supervising
+from truepose.faults.monitor import FaultMonitor
 from truepose.logs.reading import read_poses, read_samples
 from truepose.plugins import plugins
 from truepose.robot import Law, Robot, laws, list_robots
@@ -92,7 +92,7 @@ def command(
         False,
         "--safety",
         help="Safety shell: stop after a violation of its limits, which are printed. Moves and "
-        "paths only.",
+        "paths only (package truepose-safety).",
     ),
     start_test: bool = Option(False, "--start-test", hidden=True),
     seed: options.Seed = 0,
@@ -148,11 +148,13 @@ def command(
         seed=seed,
         time=since,
         disturbances=disturbances,
-        safety=SafetyShell(effects=forgotten) if safety else None,
+        safety=_plugin("safety", "--safety: the safety shell")(effects=forgotten)
+        if safety
+        else None,
     )
     if forces and not monitor:
         raise InputError("--forces: only with --monitor")
-    observer = _observer() if forces else None
+    observer = _plugin("forces", "--forces: the observer of external forces")() if forces else None
     watching = FaultMonitor(effects=forgotten, forces=observer) if monitor else None
     ran: Simulation | Visit
     with progress("simulating"):
@@ -193,11 +195,11 @@ def command(
     show(tables, how, [answer], written=(out, plot))
 
 
-def _observer() -> Supervising:
-    """Return the observer of external forces of an installed package."""
-    if (found := plugins("supervisors").get("forces")) is None:
-        raise InputError(moved.where("--forces: the observer of external forces", "safety"))
-    return found.load()()  # type: ignore[no-any-return]
+def _plugin(name: str, what: str) -> Any:
+    """Return a class of an installed package that supervises a run."""
+    if (found := plugins("supervisors").get(name)) is None:
+        raise InputError(moved.where(what, "safety"))
+    return found.load()
 
 
 def _controller(

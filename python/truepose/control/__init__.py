@@ -1,12 +1,12 @@
 """Control: controllers, gains, stability margins, delayed sensors, unmodelled effects."""
 
 from truepose.control.adaptive import AdaptiveCalibrator
+from truepose.control.limits import Limits
 from truepose.control.margins import StabilityMargins, stability_margins
-from truepose.control.safety import SafetyShell
 
 __all__ = [
     "AdaptiveCalibrator",
-    "SafetyShell",
+    "Limits",
     "StabilityMargins",
     "stability_margins",
 ]

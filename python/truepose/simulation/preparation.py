@@ -13,7 +13,7 @@ from truepose.control.controller import (
     warn_if_for_rigid,
 )
 from truepose.control.effects import Effects
-from truepose.control.safety import SafetyLimits
+from truepose.control.limits import SafetyLimits
 from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
@@ -74,9 +74,9 @@ def prepare(
     slow = delays.lateness(robot, truth, controller.period)
     events = events_of(truth, run.disturbances)
     limits = None if run.safety is None else run.safety.limits(robot, controller)
-    shell = None if limits is None else _core.Safety(limits.core, limits.counter)
+    guard = None if run.safety is None or limits is None else run.safety.guard(limits)
     belief = (believed.core, truth.core, gains, known, plant, filtered, wrong, fault_setup)
-    loop = _core.Simulation(*belief, slow, events, shell, steps, at_rest[0], check_seed(seed))
+    loop = _core.Simulation(*belief, slow, events, guard, steps, at_rest[0], check_seed(seed))
     return Prepared(truth, loop, limits)
 
 

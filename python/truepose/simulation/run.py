@@ -10,8 +10,8 @@ from truepose.arguments import finite, positive, require_or_none, whole
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
+from truepose.control.limits import Guarding
 from truepose.control.linear import ringing
-from truepose.control.safety import SafetyShell
 from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance
 from truepose.robot import Robot
@@ -45,9 +45,10 @@ class Run:
     disturbances : sequence of Disturbance
         Payloads, friction and contacts of the true robot. Where one takes it out of its workspace,
         the run ends early, as after a fault.
-    safety : SafetyShell, optional
-        Safety shell around the law; none by default. The operator has acknowledged and started it:
-        the run begins when the law acts. Without an answer or after a violation the run goes on.
+    safety : Guarding, optional
+        Safety shell around the law, ``truepose_safety.SafetyShell(…)``; none by default. The
+        operator has acknowledged and started it: the run begins when the law acts. Without an
+        answer or after a violation the run goes on.
     """
 
     start: ArrayLike | None = None
@@ -59,12 +60,12 @@ class Run:
     time: float = 0.0
     learn: OnlineCalibrator | None = None
     disturbances: Sequence[Disturbance] = ()
-    safety: SafetyShell | None = None
+    safety: Guarding | None = None
 
     def check(self, controller: Controller) -> None:
         """Raise InputError for options without a meaning."""
         require_or_none(self.learn, OnlineCalibrator, "learn", "truepose.OnlineCalibrator(…)")
-        require_or_none(self.safety, SafetyShell, "safety", "truepose.control.SafetyShell(…)")
+        require_or_none(self.safety, Guarding, "safety", "truepose_safety.SafetyShell(…)")
         positive("duration", self.duration)
         finite("hold", self.hold, 0, " (s)")
         if (total := self.duration + self.hold) / controller.period > _MOST_PERIODS:

@@ -11,8 +11,8 @@ from truepose import _core
 from truepose.arguments import Array, require_or_none
 from truepose.control.controller import Controller, OwnLaw, law_name, require_same_readings
 from truepose.control.effects import Effects
+from truepose.control.limits import stop_text
 from truepose.control.own_law import for_core
-from truepose.control.safety import stop_text
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.disturbance import named
 from truepose.faults.fault import Fault
@@ -76,8 +76,8 @@ class Simulation(Shown):
     external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed
     payload_refused: Array  #: (T,) bool: the payload is too heavy for the motors
     warm: Array  #: (T,) bool: only a warm-up explains the readings, by the monitor
-    safety_state: Array  #: (T,) int, index in `control.safety.STATES`; -1 without a safety shell
-    stop_cause: Array  #: (T,) int, index in `control.safety.CAUSES`, of the first violation
+    safety_state: Array  #: (T,) int, index in `truepose_safety.STATES`; -1 without a safety shell
+    stop_cause: Array  #: (T,) int, index in `control.limits.CAUSES`, of the first violation
     stop_motor: Array  #: (T,) int, its motor from 0, or -1
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings

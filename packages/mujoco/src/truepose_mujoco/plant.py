@@ -13,7 +13,7 @@ from truepose.arguments import Array, check_seed, finite, positive
 from truepose.control import delays
 from truepose.control.controller import Controller, require_same_readings, warn_if_for_rigid
 from truepose.control.effects import Effects
-from truepose.control.safety import SafetyShell, not_started, stop_text
+from truepose.control.limits import Guarding, not_started, stop_text
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
@@ -28,7 +28,6 @@ _RIPPLES = 6  # periods of the torque ripple per turn of the motor
 _RANGE = 40  # poses per thread: fixed, so results do not depend on the number of cores
 _WINDOW = 0.05  # s, time in which a robot at rest moves by less than _STILL
 _STILL = 2e-5  # m, and ten times that in rad
-_WAITS, _START = 48, 1000  # cycles until the safety shell is acknowledged, and opens the brakes
 _CLOSES = 0.02  # s, closing time of a brake
 _SWINGS = 1e-3  # m; a pose that moves more after `longest` is invalid
 
@@ -46,7 +45,7 @@ class MujocoPlant:
     longest: float = 0.3  #: time after a move at which even a moving robot is measured, s
     pose_time: float = 10.0  #: from pose to pose in the warm-up: moving, resting, measuring, s
     timestep: float = TIMESTEP  #: MuJoCo's, s; the control period must be a multiple
-    safety: SafetyShell | None = None  #: around the law; a robot that it stops stays stopped
+    safety: Guarding | None = None  #: around the law; a robot that it stops stays stopped
     monitor: FaultMonitor | None = None  #: of the readings, inside the safety shell
     faults: Sequence[Fault] = ()  #: in the warm-up's time: the k-th move begins at k · `pose_time`
 
@@ -58,7 +57,9 @@ class MujocoPlant:
             finite(name, getattr(self, name), 0)
         in_core(self.truth, self.faults, math.inf)  # for any control period
         if self.monitor is not None and self.safety is None:
-            raise InputError("monitor: needs a safety shell here: safety=control.SafetyShell()")
+            raise InputError(
+                "monitor: needs a safety shell here: safety=truepose_safety.SafetyShell()"
+            )
         self.longest = max(self.hold, self.longest)
         phases = self.effects.plant(self.truth, check_seed(self.seed)).phase
         self.ripple_phase = np.array(phases)[: self.truth.m]
@@ -148,33 +149,25 @@ class _Drive:
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
         self.stopped = ""
-        limits = self.limits
-        shell = _core.Safety(limits.core, limits.counter) if limits else None
-        self.state = _core.ExternalControl(shell)
-        if limits:
+        safety, limits = self.plant.safety, self.limits
+        guard = safety.guard(limits) if safety and limits else None
+        self.state = _core.ExternalControl(guard)
+        if guard:
             cycle = 0
-            while not self.state.report.follows:  # the brakes hold the robot
-                if cycle > _START + limits.core.brake / self.period:
-                    raise not_started(self.robot, self.state.report.cause)
-                began = cycle >= _WAITS, cycle > _WAITS
-                self._step(self.at, 0.0, self._read()[0], begins=began)
+            while self.state.starts(cycle):  # the brakes hold the robot
+                self._step(self.at, 0.0, self._read()[0])
                 cycle += 1
+            if not self.state.report.follows:
+                raise not_started(self.robot, self.state.report.cause)
 
-    def _step(
-        self,
-        end: Array,
-        now: float,
-        sensed: Array,
-        frozen: bool = False,
-        begins: tuple[bool, bool] = (False, False),
-    ) -> int:
+    def _step(self, end: Array, now: float, sensed: Array, frozen: bool = False) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
         core, q_e = self.believed.core, sensed
         x, rate, faster = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
         if self.bus is not None:
             q_e = self.bus.deliver(self.robot.m, q_e)
         by = self.known, self.bus, self.monitor
-        status, _ = self.state.step(core, self.settings, x, rate, faster, q_e, *by, frozen, begins)
+        status, _ = self.state.step(core, self.settings, x, rate, faster, q_e, *by, frozen)
         return int(status)
 
     def _theta(self) -> float:

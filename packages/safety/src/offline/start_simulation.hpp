@@ -1,7 +1,7 @@
 // Simulation of a start-up test: the true robot with brakes, miswired readings.
 #pragma once
 
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "safety/start_test.hpp"
 #include "simulation/effects.hpp"
 #include "simulation/faults.hpp"

@@ -1,8 +1,9 @@
-// The Python module of start-up test and momentum observer. No mathematics.
-#include "control/safety_defaults.hpp"
+// The Python module of start-up test, safety shell and momentum observer. No mathematics.
+#include "control/limit_defaults.hpp"
 #include "offline/start_simulation.hpp"
 #include "python/held.hpp"
 #include "safety/momentum_defaults.hpp"
+#include "safety/safety_guard.hpp"
 
 namespace truepose::python {
 namespace {
@@ -41,6 +42,14 @@ std::optional<MomentumSupervisor> momentum(const Robot& robot, const ControlSett
   settings.carry = carry;
   return MomentumSupervisor(settings);
 }
+
+/// A safety shell. @param counted  whether frames carry a counter
+SafetyGuard guard(const SafetyLimits& limits, bool counted) {
+  SafetyGuard made;
+  made.limits = limits;
+  made.counted = counted;
+  return made;
+}
 }  // namespace
 }  // namespace truepose::python
 
@@ -50,4 +59,6 @@ NB_MODULE(_safety, m) {
   m.def("simulate_start", &python::simulated);
   python::nb::class_<MomentumSupervisor, Supervisor>(m, "Momentum");
   m.def("momentum", &python::momentum);
+  python::nb::class_<SafetyGuard, Guard>(m, "SafetyGuard");
+  m.def("guard", &python::guard);
 }

@@ -12,6 +12,8 @@ TRUEPOSE_TABLE(truepose_start_report, StartReport, state, finding, part, other, 
                exchangeable, brakes, motor, torque, scale, sigma)
 TRUEPOSE_TABLE(truepose_momentum_settings, MomentumSettings, size, carry, period, bandwidth, alarm,
                share, named, kept, window, over, sigma, give)
+TRUEPOSE_TABLE(truepose_safety_report, GuardReport, state, cause, part, refused, causes, brakes,
+               follows, unused, path_stop, torque)
 TRUEPOSE_TABLE(truepose_disturbance, DisturbanceReport, kind, motor, refused, size, sigma, chi2,
                force)
 }  // namespace truepose::c

@@ -1,7 +1,7 @@
 // Settings of the momentum observer from a robot and its controller.
 #pragma once
 
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "safety/momentum_observer.hpp"
 
 namespace truepose {

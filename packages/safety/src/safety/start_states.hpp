@@ -1,8 +1,8 @@
 // The start-up test: settings, states, findings.
 #pragma once
 
+#include "control/limits.hpp"
 #include "control/parity.hpp"
-#include "control/safety_limits.hpp"
 #include "truepose_safety.h"
 
 namespace truepose {

@@ -29,7 +29,9 @@ class StartCycle {
   void run(bool known) {
     test_.since += limits_.period;
     if (test_.state < StartState::passed && check(known)) advance();
-    slew_torques();
+    Joint wanted{};
+    wanted[i()] = target();
+    approach(limits_, n, wanted, test_.torque);
     test_.brakes = bit(n) - 1;
     if (test_.state == StartState::open) test_.brakes &= ~bit(test_.motor);
   }
@@ -416,15 +418,6 @@ class StartCycle {
       // After a failure the torque stays until the brake has closed.
       case StartState::failed: return test_.since <= limits_.brake ? test_.torque[i()] : 0;
       default: return 0;
-    }
-  }
-
-  void slew_torques() {
-    for (int m = 0; m < n; ++m) {
-      const Real now = test_.torque[m], most = limits_.torque[m];
-      const Real step = limits_.slew[m] * limits_.period, wanted = m == i() ? target() : 0;
-      const Real next = now + std::clamp(std::clamp(wanted, -most, most) - now, -step, step);
-      test_.torque[m] = std::fabs(next) <= most ? next : 0;  // also for limits that are no numbers
     }
   }
 

@@ -44,4 +44,4 @@ class MomentumObserver:
 
     def supervisor(self, robot: Robot, settings: _core.ControlSettings) -> _core.Supervisor | None:
         """Return the core's supervisor for one run."""
-        return momentum(robot.core, settings, self.carry)  # type: ignore[no-any-return]
+        return momentum(robot.core, settings, self.carry)

@@ -1,30 +1,40 @@
-// The state machine of the safety shell: states, stops, causes and their transitions.
-//
-// It sees no number, only what the shell found in this cycle (SafetyFindings), so a test enumerates
-// it completely. The brakes are open in `running`, and in `stopping` during a stop along the path.
-//
-//     stopped, fault ──acknowledge, healthy──▶ ready ──start, healthy──▶ running
-//     running ──stop or violation──▶ stopping ──brakes closed──▶ stopped, after a violation: fault
-//     ready, stopped ──violation──▶ fault
+// Limits of a control cycle, and their violations. control/limit_defaults.hpp derives them from a
+// robot.
 #pragma once
 
-#include <cstdint>
-
-#include "mechanism/sensor_kinds.hpp"
+#include "mechanism/robot.hpp"
 
 namespace truepose {
-enum class SafetyState : int {
-  ready = 0,     ///< acknowledged and healthy; brakes closed, waits for a start
-  running = 1,   ///< brakes open; the law acts once they have opened
-  stopping = 2,  ///< along the path or by brake
-  stopped = 3,   ///< after a requested stop, and when switched on; brakes closed
-  fault = 4,     ///< after a violation; brakes closed
-};
+inline constexpr int kMostWindow = 8;     ///< cycles of readings that the checks keep
+inline constexpr Real kReaction = 0.010;  ///< s, from a violation to the torques of the stop
 
-enum class StopKind : int {
-  none = 0,
-  path = 1,   ///< the loop stays closed while the path slows down; then the brakes close
-  brake = 2,  ///< the loop is open; holding torque until the brakes have closed
+/// Limits of one robot under a controller, constant during a run. Motors' values in rad or m and
+/// N·m or N; times in s.
+struct SafetyLimits {
+  std::uint32_t size = sizeof(truepose_safety_limits);  ///< for the C interface
+  int window = 1;         ///< cycles over which a motor's speed is measured, 1 to kMostWindow
+  int age = 2;            ///< periods by which a frame may be older than the freshest one
+  int counter_bits = 32;  ///< of the frame counter, 2 to 64: it wraps
+  Real period = 1e-3;
+  Real saturation = 0.05;    ///< longest time at the torque limit
+  Real clipped = kReaction;  ///< longest time at the slew limit
+  Real missing = 0.005;      ///< longest time without a motor's reading,
+  Real held = 0.005;         ///< and without an answer of the law
+  Real stop = 0.15;          ///< duration of a stop along the path
+  Real brake = 0.02;         ///< closing and opening time of a brake (assumed)
+  Real standstill = 0.05;    ///< longest time from closed brakes to rest
+  Joint torque{};            ///< largest
+  Joint slew{};              ///< largest change of the torque, per s
+  Joint tracking{};          ///< largest error of the law, ê_q
+  Joint deviation{};         ///< largest distance of a reading from its setpoint, q_d - q
+  Joint speed{};             ///< largest, of motors and setpoints
+  Joint count{};             ///< largest error of a difference of two readings: counts, noise
+  /// A frozen frame: identical readings of all motors although one should have moved by `still`.
+  Joint still{};
+  Joint kp{}, kd{};                   ///< 1/s² and 1/s: the loops that move it,
+  Joint rests{};                      ///< beyond an error at which a motor may rest
+  Joint low{}, high{};                ///< range of the motors' readings (equal: not tested)
+  Coordinates box_low{}, box_high{};  ///< range of the setpoint x (equal: not tested)
 };
 
 /// Cause of a stop, or of a refused request. Of several in one cycle the first one is reported:
@@ -99,50 +109,12 @@ constexpr std::uint32_t causes_with(bool CauseProperties::* property) {
   return causes;
 }
 
-/// State, kind of stop, and whether a limit was violated.
-struct SafetyMachine {
-  SafetyState state = SafetyState::stopped;
-  StopKind stop = StopKind::none;  ///< in `stopping`
-  bool violated = false;           ///< in `stopping` and `fault`: not only by request
-  friend constexpr bool operator==(const SafetyMachine&, const SafetyMachine&) = default;
-};
+/// Checks limits for contradictions in themselves; `contradiction` of the defaults compares them
+/// with a path.
+/// @return no_such_value, and the motor; -1: a time, a box or a number of cycles
+Outcome consistent(const SafetyLimits& limits, int motors, int freedoms);
 
-/// What the shell found in one cycle.
-struct SafetyFindings {
-  bool start = false, stop = false, acknowledge = false;  ///< requests
-  bool violated = false;                                  ///< a limit that holds in this state
-  bool healthy = false;        ///< all limits are satisfied, also those of a closed loop
-  bool trusted = false;        ///< every motor: the loop may stay closed for a stop
-  bool path_ended = false;     ///< the stop along the path has had its time
-  bool brakes_closed = false;  ///< and the robot has had time to come to rest
-};
-
-/// One transition. A machine that is not in one of the states, as after a memory error, is a fault.
-constexpr SafetyMachine next(const SafetyMachine& now, const SafetyFindings& found) {
-  constexpr SafetyMachine fault{SafetyState::fault, StopKind::none, true};
-  const bool healthy = found.healthy && !found.violated && !found.stop;
-  switch (now.state) {
-    case SafetyState::ready:
-      if (found.violated) return fault;
-      return {found.start && healthy ? SafetyState::running : SafetyState::ready};
-    case SafetyState::running:
-      if (!found.stop && !found.violated) return {SafetyState::running};
-      return {SafetyState::stopping, found.trusted ? StopKind::path : StopKind::brake,
-              found.violated};
-    case SafetyState::stopping: {
-      const bool violated = now.violated || found.violated;
-      if (now.stop == StopKind::path && found.trusted && !found.path_ended)
-        return {SafetyState::stopping, StopKind::path, violated};
-      if (now.stop == StopKind::path || !found.brakes_closed)
-        return {SafetyState::stopping, StopKind::brake, violated};
-      return violated ? fault : SafetyMachine{SafetyState::stopped};
-    }
-    case SafetyState::stopped:
-      if (found.violated) return fault;
-      return {found.acknowledge && healthy ? SafetyState::ready : SafetyState::stopped};
-    case SafetyState::fault:
-      return found.acknowledge && healthy ? SafetyMachine{SafetyState::ready} : fault;
-  }
-  return fault;
-}
+/// Torques of the next cycle: towards a target, within torque and slew limits. No NaN reaches a
+/// motor. @return whether all are what is wanted
+bool approach(const SafetyLimits& limits, int motors, const Joint& target, Joint& torque);
 }  // namespace truepose

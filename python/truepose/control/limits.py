@@ -1,9 +1,10 @@
-"""The safety shell of simulated runs: its limits, derived from a robot and its controller."""
+"""Limits of a control cycle, derived from a robot and its controller, and stopping distances."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +21,9 @@ from truepose.robotfile.chains import Chain
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 
-#: States and causes of a stop, by the core's number.
-STATES: tuple[str, ...] = _core.safety_states
+#: Causes of a stop, by the core's number.
 CAUSES: tuple[str, ...] = _core.stop_causes
+_RUNNING = 1  # state of a guard whose law may act
 _REACTION = 0.010  # s, the core's kReaction
 _MOST = {"stop": LONGEST_STOP, "brake": 0.5}  # s
 _SPEEDS = (0.02, 0.1, 0.3, 0.6, 1.0)  # of printed stopping distances, m/s or rad/s
@@ -43,10 +44,9 @@ _ROWS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SafetyShell:
-    """A safety shell around the law of a simulated run: limits of every cycle, and stops.
+class Limits:
+    """Limits of every control cycle. A guard stops the robot after a violation.
 
-    It opens the loop after a violation and stops the robot, with or without a fault monitor.
     None: derived from the robot and its controller. Limits of motors are one number for all, or
     one for each, in the units of their readings.
 
@@ -76,16 +76,14 @@ class SafetyShell:
         Whether frames of readings carry a counter.
     effects : Effects, optional
         Effects of a healthy robot: motors at rest may err by three times their friction, if that
-        exceeds what the shell allows without them.
+        exceeds what the limits allow without them.
 
     Examples
     --------
     >>> import truepose as tp
-    >>> h4, shell = tp.load("h4"), tp.control.SafetyShell()
-    >>> frozen = tp.faults.Fault("frame", "stuck", at=0.1)
-    >>> run = tp.simulate(h4, faults=[frozen], run=tp.simulation.Run(safety=shell))
-    >>> run.status
-    'safety shell: stale frame at 0.102 s, stopped by brake'
+    >>> limits = tp.control.Limits(stop=0.1).limits(tp.load("h4"))
+    >>> bool(0.002 < limits.stopping_distance(0.3) < 0.01)
+    True
     """
 
     tracking: ArrayLike | None = None
@@ -126,11 +124,11 @@ class SafetyShell:
         core, status, motor = _core.default_limits(rubbing.core, settings)
         if status > 0 and motor >= 0 and not robot.spec.chain[motor].torque_limit:
             raise InputError(
-                f"{robot.name}: motor {motor + 1} has no torque_limit, from which the safety "
-                "shell's limits follow: add it to the robot file"
+                f"{robot.name}: motor {motor + 1} has no torque_limit, from which the limits "
+                "follow: add it to the robot file"
             )
         if status > 0 and motor < 0 and controller.period <= _REACTION:
-            raise PoseError(f"{robot.name}: safety shell, at home: {_core.describe(status)}")
+            raise PoseError(f"{robot.name}: limits, at home: {_core.describe(status)}")
         given = [field.name for field in fields(self) if getattr(self, field.name) is not None]
         for name in given:
             if name not in ("box", "counter", "effects"):
@@ -158,17 +156,20 @@ class SafetyShell:
         return np.broadcast_to(motors, robot.m)
 
 
+@runtime_checkable
+class Guarding(Protocol):
+    """What a package puts between a law and its machine."""
+
+    def limits(self, robot: Robot, controller: Controller | None = None) -> SafetyLimits:
+        """Return the limits for a robot and its controller."""
+
+    def guard(self, limits: SafetyLimits) -> _core.Guard:
+        """Return the guard of one run."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class SafetyLimits(Shown):
-    """Limits of a safety shell for one robot and controller; printed with their derivation.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> limits = tp.control.SafetyShell().limits(tp.load("h4"))
-    >>> bool(0.002 < limits.stopping_distance(0.3) < 0.01)
-    True
-    """
+    """Limits of one robot and controller; printed with their derivation."""
 
     robot: Robot
     core: _core.SafetyLimits
@@ -195,7 +196,7 @@ class SafetyLimits(Shown):
             unit = _unit(kind, units[0]) if np.ndim(value) else kind
             source = "given" if name in self.given else derived
             rows.append([Cell(f"{name} ({unit})", {"limit": name, "unit": unit}), cell, source])
-        title = f"{self.robot.name}: limits of the safety shell"
+        title = f"{self.robot.name}: limits of the control cycle"
         return Table("safety", title, ["limit", "value", "default"], rows)
 
     def stopping_distance(self, speed: float, counter: bool | None = None) -> float:
@@ -206,7 +207,7 @@ class SafetyLimits(Shown):
         speed : float
             Speed of the platform, m/s; on passive axes rad/s.
         counter : bool, optional
-            Whether frames carry a counter, by default as the shell's.
+            Whether frames carry a counter, by default as set.
 
         Returns
         -------
@@ -260,8 +261,8 @@ class SafetyLimits(Shown):
             raise InputError(f"safety: the path leaves box: it spans {', '.join(outside)}")
 
     def require_started(self, rows: int, state: Array, cause: Array) -> None:
-        """Raise PoseError if the shell did not start a run of so many rows."""
-        if len(state) == 1 and (rows > 1 or STATES[state[0]] != "running"):
+        """Raise PoseError if the guard did not start a run of so many rows."""
+        if len(state) == 1 and (rows > 1 or state[0] != _RUNNING):
             raise not_started(self.robot, cause[0])
 
     def _require_consistent(self) -> None:

@@ -1,5 +1,7 @@
-// Limits of the safety shell. control/safety_defaults.hpp derives them from a robot.
-#include "control/safety_limits.hpp"
+// Limits of a control cycle: contradictions in themselves, and torques within them.
+#include "control/limits.hpp"
+
+#include <algorithm>
 
 namespace truepose {
 Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
@@ -26,5 +28,19 @@ Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
     if (!good) return {Status::no_such_value, i};
   }
   return {};
+}
+
+bool approach(const SafetyLimits& limits, int motors, const Joint& target, Joint& torque) {
+  bool reached = true;
+  for (int i = 0; i < motors; ++i) {
+    const Real most = limits.torque[i] > 0 ? limits.torque[i] : 0;
+    const Real step = limits.slew[i] * limits.period > 0 ? limits.slew[i] * limits.period : 0;
+    const Real now = torque[i];
+    const Real bounded = std::clamp(std::isfinite(target[i]) ? target[i] : now, -most, most);
+    const Real way = bounded - now;  // exact where it ends, no sum of roundings
+    torque[i] = std::fabs(way) <= step ? bounded : now + std::copysign(step, way);
+    reached = reached && torque[i] == bounded;
+  }
+  return reached;
 }
 }  // namespace truepose

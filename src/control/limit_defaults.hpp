@@ -1,10 +1,10 @@
-// Limits of the safety shell from a robot and its controller, the needs of a path, and the distance
+// Limits of a control cycle from a robot and its controller, the needs of a path, and the distance
 // of a stop.
 #pragma once
 
 #include "control/control.hpp"
 #include "control/fastest.hpp"
-#include "control/safety_shell.hpp"
+#include "control/limit_check.hpp"
 
 namespace truepose {
 /// Position error of an uncalibrated robot, m (the paper's H4: 9 mm). Laws that correct it move the

@@ -1,25 +1,23 @@
 // The safety shell for C.
 #include "c/controllers.hpp"
-#include "control/safety_defaults.hpp"
+#include "safety/fields.hpp"
+#include "safety/safety_guard.hpp"
 
 using namespace truepose;
 
 namespace truepose::c {
 template <>
 struct Held<truepose_safety_shell> : InMemory<truepose_safety_shell, 0x5368656CU> {
-  SafetyLimits limits;
-  SafetyShell shell;
+  SafetyGuard guard;
 };
 using Shell = Held<truepose_safety_shell>;
 
 namespace {
-SafetyCycle cycle_of(const truepose_safety_marks& from) {
-  SafetyCycle cycle;
+void mark(const truepose_safety_marks& from, SafetyCycle& cycle) {
   cycle.counter = {from.counter_given != 0, from.counter};
   cycle.time = {from.time_given != 0, from.time};
   cycle.known = from.known != 0;
   cycle.request = {from.start != 0, from.stop != 0, from.acknowledge != 0};
-  return cycle;
 }
 }  // namespace
 }  // namespace truepose::c
@@ -31,24 +29,6 @@ const char* truepose_stop_cause_text(int32_t cause) {
 
 size_t truepose_safety_shell_size(void) { return sizeof(c::Shell); }
 
-truepose_outcome truepose_safety_defaults(const truepose_model* model,
-                                          const truepose_control_settings* settings,
-                                          truepose_safety_limits* limits) {
-  return c::derived(model, settings, limits, default_limits);
-}
-
-truepose_outcome truepose_stopping_distance(const truepose_model* model,
-                                            const truepose_safety_limits* limits, int32_t marked,
-                                            truepose_real speed, truepose_real* distance) {
-  return c::with(model)([&](const Robot& robot) -> Outcome {
-    const auto core = c::in<SafetyLimits>(limits);
-    const Outcome outcome = consistent(core, robot.motors, dof(robot.mobility));
-    if (!outcome) return outcome;
-    if (!(speed >= 0 && speed < INFINITY)) return {Status::no_such_value};
-    return stopping_distance(robot, core, marked != 0, speed, *distance);
-  });
-}
-
 truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t size,
                                             const truepose_model* model,
                                             const truepose_safety_limits* limits) {
@@ -57,7 +37,7 @@ truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t
     Outcome sound = c::take(*limits, all);
     if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
     return c::begun(sound, shell, size, [&](c::Shell& made) {
-      made.limits = all;
+      made.guard.limits = all;
       return Outcome{};
     });
   });
@@ -74,13 +54,13 @@ truepose_outcome truepose_control_safely(
     if (monitor && !(setup && c::monitors(*setup, robot, finest))) return c::kUnfinished;
     const c::Known by(robot, known, work, &made.kept, setup || made.weighs());
     if (!by.sound) return by.sound;
-    SafetyCycle cycle = c::cycle_of(*marks);
+    c::mark(*marks, safe.guard.next);
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made.late};
     const Outcome outcome =
-        control_safely(robot, made.settings, safe.limits, c::in<Setpoint>(setpoint),
-                       c::in<Extended>(q_e), made.state, safe.shell, cycle, by.weighing, monitored);
-    c::out<SafetyReport>(safe.shell, report);
+        control_guarded(robot, made.settings, c::in<Setpoint>(setpoint), c::in<Extended>(q_e),
+                        made.state, safe.guard, by.weighing, monitored);
+    c::out<GuardReport>(safe.guard.shell, report);
     return outcome;
   });
 }
@@ -90,7 +70,8 @@ truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_she
                                 const truepose_safety_marks* marks,
                                 truepose_safety_report* report) {
   return c::with(model, shell)([&](const Robot& robot, c::Shell& safe) {
-    SafetyCycle core = c::cycle_of(*marks);
+    SafetyCycle core;
+    c::mark(*marks, core);
     core.answer.status = static_cast<Status>(cycle->status);
     core.suspected = cycle->suspected | cycle->lost;
     core.lost = cycle->lost != 0;
@@ -101,8 +82,8 @@ truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_she
     core.error = c::in<Joint>(cycle->error);
     core.torque = c::in<Joint>(cycle->torque);
     core.load = c::in<Joint>(cycle->load);
-    guard(robot, safe.limits, core, safe.shell);
-    c::out<SafetyReport>(safe.shell, report);
+    guard(robot, safe.guard.limits, core, safe.guard.shell);
+    c::out<GuardReport>(safe.guard.shell, report);
     return Outcome{};
   });
 }

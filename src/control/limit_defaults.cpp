@@ -1,6 +1,6 @@
-// Limits of the safety shell from a robot and its controller, the needs of a path, and the distance
+// Limits of a control cycle from a robot and its controller, the needs of a path, and the distance
 // of a stop.
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 
 namespace truepose::safety_detail {
 Unmarked::Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace,

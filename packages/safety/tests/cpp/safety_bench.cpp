@@ -48,13 +48,13 @@ void Bench::cycle(const Spoil& spoil) {
   Setpoint setpoint = clock.paced(quintic(K, from, to, duration, clock.time));
   Extended q_e{};
   CHECK(plant.measure(q_e));
-  SafetyCycle now;
+  SafetyCycle& now = guard.next = {};
   now.counter = {true, ++frame};
   now.request = request;
   if (spoil) spoil(q_e, now, setpoint);
   const Joint before = shell.torque;
-  static_cast<void>(control_safely(robot, settings, limits, setpoint, q_e, state, shell, now,
-                                   prior.weighing(), monitored));
+  static_cast<void>(
+      control_guarded(robot, settings, setpoint, q_e, state, guard, prior.weighing(), monitored));
   for (int i = 0; i < n; ++i) {
     CHECK(std::fabs(shell.torque[i]) <= limits.torque[i]);
     CHECK(std::fabs(shell.torque[i] - before[i]) <= limits.slew[i] * limits.period * (1 + 1e-9));

@@ -1,5 +1,7 @@
-// Limits of the safety shell: derived from robots, compared with paths; and the age of frames.
-#include "control/safety_defaults.hpp"
+// Limits of a control cycle: derived from robots, compared with paths; and the age of frames.
+#include "control/command.hpp"
+#include "control/limit_check.hpp"
+#include "control/limit_defaults.hpp"
 #include "controllers.hpp"
 #include "rotational.hpp"
 
@@ -170,4 +172,66 @@ TEST("contradictory limits are refused, and named") {
   for (const int bad : {0, 9, -1}) refused([&](L& l) { l.window = bad; }, -1);
   for (const int bad : {0, 11, -1}) refused([&](L& l) { l.age = bad; }, -1);
   for (const int bad : {1, 65, -1}) refused([&](L& l) { l.counter_bits = bad; }, -1);
+}
+
+TEST("every cause has a name of its own, and those that open the loop say so") {
+  for (const CauseProperties& row : kCauseTable) {
+    CHECK(properties(row.cause).name == row.name);
+    for (const CauseProperties& other : kCauseTable)
+      CHECK(row.cause == other.cause || std::string(row.name) != other.name);
+    if (row.by_path) CHECK(!row.always);
+  }
+  CHECK(properties(StopCause::requested).by_path && !properties(StopCause::stale_frame).by_path);
+  CHECK(causes_with(&CauseProperties::by_path) ==
+        (bit_of(StopCause::requested) | bit_of(StopCause::workspace) |
+         bit_of(StopCause::readings_disagree)));
+}
+
+TEST("a healthy cycle violates no limit; beyond one its cause and its motor are named") {
+  const Robot robot = with_torque(delta().robot, 40);
+  SafetyLimits limits;
+  CHECK(default_limits(robot, settings_for(robot, Law::joint), limits));
+  limits.saturation = 0.0205;
+  limits.low.fill(-2);
+  limits.high.fill(2);
+  limits.box_low.fill(-1);
+  limits.box_high.fill(1);
+  LimitState rested;
+  CheckedCycle healthy;
+  CHECK(command(Level::ideal, robot, robot.home, healthy.q_d));
+  healthy.x = robot.home;
+  healthy.q = rested.wanted = healthy.q_d;
+  healthy.counter = {true, 0};
+  const auto check = [&](const CheckedCycle& cycle, LimitState& state) {
+    return check_limits(3, 3, limits, cycle, true, {}, state);
+  };
+  for (; healthy.counter.value < 10; ++healthy.counter.value)
+    CHECK(check(healthy, rested).causes == 0 && (healthy.counter.value == 0 || rested.have[0] > 1));
+  CHECK(rested.seen(3));
+  const auto violates = [&](StopCause cause, int motor, int within, auto change) {
+    LimitState state = rested;
+    CheckedCycle cycle = healthy;
+    for (int k = 1; k <= within; ++k, ++cycle.counter.value) {
+      change(cycle, k);
+      const Violations found = check(cycle, state);
+      CHECK((found.causes & bit_of(cause)) == (k < within ? 0 : bit_of(cause)));
+      if (k == within) CHECK(found.part[static_cast<std::size_t>(cause)] == motor);
+    }
+  };
+  const Joint& speed = limits.speed;
+  violates(StopCause::stale_frame, -1, 3, [](auto& cycle, int) { cycle.counter.value = 9; });
+  violates(StopCause::dropped_frames, -1, 1, [](auto& cycle, int) { cycle.counter.value += 4; });
+  violates(StopCause::missing_reading, 1, 6, [](auto& cycle, int) { cycle.q[1] = NAN; });
+  violates(StopCause::motor_range, 2, 1, [](auto& cycle, int) { cycle.q[2] = 2.01; });
+  violates(StopCause::overspeed, 0, 1, [&](auto& cycle, int) {
+    cycle.q[0] += 1.1e-3 * speed[0] * limits.window + limits.count[0];
+  });
+  violates(StopCause::setpoint_speed, 1, 1,
+           [&](auto& cycle, int) { cycle.q_d[1] += 1.1e-3 * speed[1]; });
+  violates(StopCause::tracking_error, 2, 1,
+           [&](auto& cycle, int) { cycle.error[2] = 1.01 * limits.tracking[2]; });
+  violates(StopCause::workspace, -1, 1, [](auto& cycle, int) { cycle.x[0] = 1.01; });
+  violates(StopCause::no_answer, -1, 6,
+           [](auto& cycle, int) { cycle.answer.status = Status::singular; });
+  violates(StopCause::saturation, 0, 21, [](auto& cycle, int) { cycle.torque[0] = 40; });
 }

@@ -3,9 +3,9 @@
 
 #include <functional>
 
-#include "control/safe_control.hpp"
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "controllers.hpp"
+#include "safety/safety_guard.hpp"
 #include "simulation/effects.hpp"
 
 namespace mechanisms {
@@ -30,6 +30,7 @@ struct Bench {
 
   explicit Bench(const Mechanism& mechanism, Law law = Law::joint, FeedForward forward = {},
                  const Reality& reality = {});
+  Bench(const Bench&) = delete;
 
   /// One cycle; checks what must hold in every one.
   void cycle(const Spoil& spoil = {});
@@ -50,8 +51,9 @@ struct Bench {
   Robot robot, truth;
   Prior prior;
   ControlSettings settings;
-  SafetyLimits limits;
-  SafetyShell shell;
+  SafetyGuard guard;
+  SafetyLimits& limits = guard.limits;
+  SafetyShell& shell = guard.shell;
   ControlState state;
   Plant plant;
   PathClock clock;

@@ -2,6 +2,7 @@
 #include <cstring>
 
 #include "in_c.hpp"
+#include "safety/fields.hpp"
 #include "safety_bench.hpp"
 
 using namespace mechanisms;
@@ -53,18 +54,16 @@ TEST_EACH(
   c.begin();
   // The core's shell, one cycle for one cycle.
   ControlState state;
-  SafetyShell shell;
-  SafetyLimits limits;
-  CHECK(default_limits(c.robot, c.law, limits));
+  SafetyGuard guard;
+  CHECK(default_limits(c.robot, c.law, guard.limits));
   Setpoint setpoint;
   setpoint.x = c.robot.home;
   for (std::uint64_t frame = 1; frame <= c.frame; ++frame) {
-    SafetyCycle cycle;
-    cycle.counter = {true, frame};
-    cycle.request = {frame > 11, false, frame > 10};
-    static_cast<void>(control_safely(c.robot, c.law, limits, setpoint, c.q_e, state, shell, cycle));
+    guard.next.counter = {true, frame};
+    guard.next.request = {frame > 11, false, frame > 10};
+    static_cast<void>(control_guarded(c.robot, c.law, setpoint, c.q_e, state, guard));
   }
-  CHECK(std::equal(shell.torque.begin(), shell.torque.end(), c.report.torque));
+  CHECK(std::equal(guard.shell.torque.begin(), guard.shell.torque.end(), c.report.torque));
   int until = 0;
   while (c.report.state == TRUEPOSE_SAFETY_RUNNING && until < 10) ++until, c.cycle({}, true);
   CHECK(until == 3 && c.report.cause == TRUEPOSE_STOP_STALE_FRAME);

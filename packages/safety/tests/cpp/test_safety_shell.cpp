@@ -1,5 +1,6 @@
 // The safety shell around laws of simulated robots: what trips it, how soon, and how it stops.
 #include "safety_bench.hpp"
+#include "simulation/simulate.hpp"
 
 using namespace mechanisms;
 
@@ -232,10 +233,27 @@ TEST("of motors that may be faulty only one that stands still off its setpoint i
   monitor.placed = monitor.undecided = true;
   monitor.doubted = 3;
   SafetyCycle plausible, stuck;
-  note_monitor(2, monitor, plausible);
+  complete(2, {}, {}, {}, {}, &monitor, plausible);
   CHECK(plausible.disagree && !plausible.lost && plausible.suspected == 0);
   monitor.reading[1].still = kStill;
   monitor.reading[1].seems = 1e-3;
-  note_monitor(2, monitor, stuck);
+  complete(2, {}, {}, {}, {}, &monitor, stuck);
   CHECK(!stuck.disagree && stuck.lost && stuck.suspected == 2);
+}
+
+TEST("a run begins however long the brakes of its safety shell take to open") {
+  const Robot robot = limited_robot(h4());
+  const ControlSettings settings = settings_for(robot, Law::joint);
+  SafetyGuard guard;
+  guard.counted = true;
+  CHECK(default_limits(robot, settings, guard.limits));
+  guard.limits.brake = 1.5;
+  Extras extras;
+  extras.guard = &guard;
+  const Run run{robot.home, robot.home, 0.1, 0, 2};
+  std::size_t rows = 0;
+  CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras).move(run, [&](const Sample&) {
+    ++rows;
+  }));
+  CHECK(rows == 101);
 }

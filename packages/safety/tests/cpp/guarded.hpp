@@ -1,10 +1,11 @@
 // A robot inside the safety shell that follows its path exactly, and what holds in every cycle.
 #pragma once
 
-#include "control/safety_defaults.hpp"
+#include "control/limit_defaults.hpp"
 #include "control/trajectory.hpp"
 #include "controllers.hpp"
 #include "rotational.hpp"
+#include "safety/safety_shell.hpp"
 
 namespace pivots_tested {
 

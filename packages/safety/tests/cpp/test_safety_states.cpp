@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "check.hpp"
-#include "control/safety_states.hpp"
+#include "safety/safety_states.hpp"
 
 using namespace truepose;
 
@@ -119,17 +119,4 @@ TEST("a machine in no state is a fault, from which only an acknowledgement leads
       const SafetyMachine broken{static_cast<SafetyState>(state)};
       CHECK(next(broken, findings(of)).state == SafetyState::fault);
     }
-}
-
-TEST("every cause has a name of its own, and those that open the loop say so") {
-  for (const CauseProperties& row : kCauseTable) {
-    CHECK(properties(row.cause).name == row.name);
-    for (const CauseProperties& other : kCauseTable)
-      CHECK(row.cause == other.cause || std::string(row.name) != other.name);
-    if (row.by_path) CHECK(!row.always);
-  }
-  CHECK(properties(StopCause::requested).by_path && !properties(StopCause::stale_frame).by_path);
-  CHECK(causes_with(&CauseProperties::by_path) ==
-        (bit_of(StopCause::requested) | bit_of(StopCause::workspace) |
-         bit_of(StopCause::readings_disagree)));
 }
