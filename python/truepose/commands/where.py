@@ -24,18 +24,28 @@ ConditionsOption = Annotated[
     Option(
         "--conditions",
         metavar="payload=0..2kg,temperature=15..35degC",
-        help="Uncertain conditions at work: payload, payload_centre_sigma, temperature, gradient; "
-        "backlash of the motors.",
+        help="Uncertain conditions at work: payload, payload_sigma, payload_centre_sigma, "
+        "temperature, warm_up, gradient, wear; backlash of the motors; or none.",
         show_default="the file's",
     ),
 ]
 #: SI unit by key; backlash has that of the motors.
-_UNITS = {"payload": "kg", "payload_centre_sigma": "m", "temperature": "degC", "gradient": "K"}
+_UNITS = {
+    "payload": "kg",
+    "payload_sigma": "kg",
+    "payload_centre_sigma": "m",
+    "temperature": "degC",
+    "warm_up": "K",
+    "gradient": "K",
+    "wear": "m",
+}
 _RANGES = ("payload", "temperature")
 
 
 def under(robot: Robot, text: str | None) -> Robot:
     """Return the robot under the conditions of the option."""
+    if text == "none":
+        return robot.with_file(conditions=None)
     given: dict[str, Any] = {}
     units = _UNITS | {"backlash": reading_units(robot)[0]}
     for part in map(str.strip, text.split(",") if text else ()):

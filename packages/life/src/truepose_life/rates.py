@@ -49,11 +49,12 @@ class Life:
     @property
     def conditions(self) -> dict[str, float]:
         """The robot file's [conditions] that state these rates; sensors stand by themselves."""
+        rms = math.sqrt(3)  # of a uniform variable: its largest value over this
         return {
             "warm_up": self.warm_up,
             "gradient": self.gradient,
-            "wear": self.wear / math.sqrt(3),  # rms of a uniform variable
-            "payload_sigma": self.payload / 9.81 if self.arm_stiffness else 0.0,
+            "wear": self.wear / rms,
+            "payload_sigma": self.payload / (9.81 * rms) if self.arm_stiffness else 0.0,
             "arm_compliance": 1 / self.arm_stiffness if self.arm_stiffness else 0.0,
             "mounting_expansion": 0.0,
             "base_expansion": self.base_expansion,
