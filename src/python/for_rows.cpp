@@ -10,24 +10,6 @@
 #endif
 
 namespace truepose::python {
-bool take(const Numbers<>& from, RowMatrix& to) {
-  const bool flat = from.ndim() == 2;
-  if (flat) to = {static_cast<int>(from.shape(0)), static_cast<int>(from.shape(1)), from.data()};
-  return flat;
-}
-
-bool take(const Numbers<>& from, Frame& to) {
-  const bool homogeneous = from.size() == 16;
-  if (homogeneous) to = frame_of(from.data());
-  return homogeneous;
-}
-
-nb::object owned(const Frame& from) {
-  RowMatrix T = RowMatrix::identity(4);
-  for (int k = 0; k < 12; ++k) T(k / 4, k % 4) = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
-  return owned(T);
-}
-
 namespace {
 /// Number of cores for this process: fewer than the machine has under taskset or in a container.
 std::size_t available_cores() {

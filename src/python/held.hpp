@@ -33,10 +33,10 @@ struct Known {
 };
 
 /// Influences at pose i: none, or row i of (N, (m + r) × count).
-inline Influences influences_at(const Robot& robot, const Rows* influence, std::size_t i) {
-  if (influence == nullptr) return {};
-  const std::size_t width = influence->shape(1);
-  return {static_cast<int>(width) / readings(robot), influence->data() + i * width};
+inline Influences influences_at(const Robot& robot, const std::optional<Rows>& influence,
+                                std::size_t i) {
+  if (!influence) return {};
+  return {static_cast<int>(influence->shape(1)) / readings(robot), at_row(*influence, i)};
 }
 
 /// Knowledge and work space of one thread for weighted laws; none without knowledge.
