@@ -41,7 +41,16 @@ struct Reviewed {
   bool warm;
   Status status;
 };
+}  // namespace
+}  // namespace truepose::python
 
+namespace truepose::c {
+TRUEPOSE_MEMBERS(python::Reviewed, believed, health, symptom, chi2, freedom, doubted, undecided,
+                 warm, status)
+}  // namespace truepose::c
+
+namespace truepose::python {
+namespace {
 /// Processes rows in sequence.
 auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_e) {
   std::vector<Reviewed> rows(q_e.shape(0));
@@ -63,8 +72,7 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
     now.undecided = monitor.undecided, now.warm = monitor.warm_up.warm;
   };
   for_rows(rows.size(), next, kInOrder);
-  return records(rows, TRUEPOSE_MEMBERS(Reviewed, believed, health, symptom, chi2, freedom, doubted,
-                                        undecided, warm, status));
+  return records(rows);
 }
 /// What setpoints, (N, n) each, need of the motors, and the limits' contradiction with it.
 auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, const Rows& rate,

@@ -7,6 +7,44 @@
 
 namespace truepose::python {
 namespace {
+/// Summary of a visit to one pose.
+struct Visited {
+  Coordinates x{};  ///< true pose, and readings, at the end of the hold
+  Extended q_e{};
+  Coordinates low{}, high{};  ///< of x in the last kRest of the hold
+  int saturated = -1;         ///< first motor at its torque limit, from 0
+  Status status{};
+  int unanswered = 0;  ///< cycles without an answer of the controller,
+  Status reason{};     ///< and the first one's reason
+
+  static constexpr double kRest = 0.05;  ///< s, when a robot should rest
+
+  /// @param end  of the run, s @param hold  at the pose, s
+  void add(const Robot& nominal, const Sample& sample, double end, double hold) {
+    x = sample.x, q_e = sample.q_e;
+    if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
+    const bool moving = sample.time <= end - std::min(kRest, hold);
+    for (int k = 0; k < dof(nominal.mobility); ++k) {
+      low[k] = moving ? x[k] : std::min(low[k], x[k]);
+      high[k] = moving ? x[k] : std::max(high[k], x[k]);
+    }
+    for (int k = 0; k < nominal.motors; ++k) {
+      const double limit = nominal.chain[k].torque_limit;
+      if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
+    }
+  }
+};
+}  // namespace
+}  // namespace truepose::python
+
+namespace truepose::c {
+TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up, health, symptom, stops,
+                 brakes, disturbance, disturbed, size, force, refused, warm, safety, cause, part)
+TRUEPOSE_MEMBERS(python::Visited, x, q_e, low, high, saturated, status, unanswered, reason)
+}  // namespace truepose::c
+
+namespace truepose::python {
+namespace {
 /// Readings, (N, n + r), each as `change` makes them, in sequence.
 nb::object changed(const Rows& q_e,
                    const std::function<void(std::size_t i, Extended& now)>& change) {
@@ -113,40 +151,8 @@ nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& accele
                     signals();
                   });
   }
-  return answered(
-      outcome,
-      records(log, TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up,
-                                    health, symptom, stops, brakes, disturbance, disturbed, size,
-                                    force, refused, warm, safety, cause, part)));
+  return answered(outcome, records(log));
 }
-
-/// Summary of a visit to one pose.
-struct Visited {
-  Coordinates x{};  ///< true pose, and readings, at the end of the hold
-  Extended q_e{};
-  Coordinates low{}, high{};  ///< of x in the last kRest of the hold
-  int saturated = -1;         ///< first motor at its torque limit, from 0
-  Status status{};
-  int unanswered = 0;  ///< cycles without an answer of the controller,
-  Status reason{};     ///< and the first one's reason
-
-  static constexpr double kRest = 0.05;  ///< s, when a robot should rest
-
-  /// @param end  of the run, s @param hold  at the pose, s
-  void add(const Robot& nominal, const Sample& sample, double end, double hold) {
-    x = sample.x, q_e = sample.q_e;
-    if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
-    const bool moving = sample.time <= end - std::min(kRest, hold);
-    for (int k = 0; k < dof(nominal.mobility); ++k) {
-      low[k] = moving ? x[k] : std::min(low[k], x[k]);
-      high[k] = moving ? x[k] : std::max(high[k], x[k]);
-    }
-    for (int k = 0; k < nominal.motors; ++k) {
-      const double limit = nominal.chain[k].torque_limit;
-      if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
-    }
-  }
-};
 
 /// Visits poses in order, keeping friction and backlash. After a failure the robot is placed at the
 /// next pose.
@@ -175,8 +181,7 @@ nb::object Simulation::visit(const Rows& x_d, double duration, double hold) cons
         loop.reset();
     }
   }
-  return records(
-      visits, TRUEPOSE_MEMBERS(Visited, x, q_e, low, high, saturated, status, unanswered, reason));
+  return records(visits);
 }
 
 /// Poses that close the loops at q, (m, n), and the number of searches that ended at each, (m,).

@@ -6,6 +6,20 @@
 #include "mechanism/geometry.hpp"
 #include "simulation/simulate.hpp"
 
+namespace truepose::c {
+using engine::Mechanism;
+TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset)
+TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, mode, compliance,
+                 plane, normal, described, exchanged)
+TRUEPOSE_MEMBERS(Mechanism, bodies, closures, motors, coordinates, freedoms, platform, described,
+                 home, body, closure)
+TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess)
+TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness, arm_damping, ripple,
+                 phase, delayed)
+TRUEPOSE_MEMBERS(Fault, kind, reading, other, size, begin, end, count, frame)
+TRUEPOSE_MEMBERS(Event, kind, begin, end, motor, size, force)
+}  // namespace truepose::c
+
 namespace truepose::python {
 using namespace nb::literals;
 
@@ -94,16 +108,6 @@ std::size_t parameters_of(const Robot& robot) {
   return static_cast<std::size_t>(parameter_count(robot));
 }
 
-/// Reads and writes part i of a robot, by copies: the facade builds a robot from the outside in.
-template <class Part, std::size_t N>
-void bind_parts(nb::class_<Robot>& made, const char* name, std::array<Part, N> Robot::* parts) {
-  made.def(name, [=](const Robot& robot, int i) { return (robot.*parts).at(i); });
-  made.def((std::string("set_") + name).c_str(), [=](Robot& robot, int i, const Part& part) {
-    robot.finished = false;
-    (robot.*parts).at(i) = part;
-  });
-}
-
 /// J_x at home: a row for each chain, or at the full level for each rod of the free platform; 0
 /// where they do not close.
 RowMatrix rod_rows(const Robot& robot, bool full) {
@@ -122,12 +126,9 @@ RowMatrix rod_rows(const Robot& robot, bool full) {
 }
 
 void bind_robot(nb::module_& m) {
-  auto made = structure<Robot>(m, "Robot", {c::table_of<Robot>.fields, 0});
-  bind_parts(made, "chain", &Robot::chain);
-  bind_parts(made, "sensor", &Robot::sensor);
-  bind_parts(made, "body", &Robot::body);
-  bind_parts(made, "axis", &Robot::axis);
-  made.def_ro("full", &Robot::full)
+  structure<Robot>(m)
+      .def_ro("full", &Robot::full)
+      .def_rw("mechanism", &Robot::mechanism)
       .def_prop_ro("axes", [](const Robot& robot) { return passive_axes(robot.mobility); })
       .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
       .def("__bytes__",
@@ -169,44 +170,28 @@ void bind_robot(nb::module_& m) {
              static_cast<void>(note_assembly(robot));
              return robot;
            })
-      .def("set_mechanism",
-           [](Robot& robot, const std::vector<engine::Body>& bodies,
-              const std::vector<engine::Closure>& closures, int described, int platform,
-              int coordinates, const std::vector<double>& home) {
-             engine::Mechanism& of = robot.mechanism = {};
-             robot.finished = false;
-             of.bodies = static_cast<int>(bodies.size());
-             of.closures = static_cast<int>(closures.size());
-             of.freedoms = static_cast<int>(home.size());
-             of.described = described, of.platform = platform;
-             of.motors = robot.motors, of.coordinates = coordinates;
-             std::copy_n(bodies.begin(), std::min(bodies.size(), of.body.size()), of.body.begin());
-             std::copy_n(closures.begin(), std::min(closures.size(), of.closure.size()),
-                         of.closure.begin());
-             std::copy_n(home.begin(), std::min(home.size(), of.home.size()), of.home.begin());
+      .def("start_legs",  // one without a start begins at the distance of its ends
+           [](Robot& robot) {
+             engine::Mechanism& of = robot.mechanism;
              if (!engine::check_parts(of)) return;
-             engine::Position at;  // a leg without a start begins at the distance of its ends
+             engine::Position at;
              at.y = of.home;
              engine::place(of, at);
              for (int i = 0; i < of.closures; ++i)
                if (const int leg = of.closure[i].driven; leg >= 0 && of.home[leg] == 0)
                  of.home[leg] = (at.A[i] - at.B[i]).norm();
            })
-      .def("check_mechanism",  // flaw, part, amount, gap of each closure (m), freedoms
+      .def("check_mechanism",  // flaw, part, amount, gap of each closure (m) that stays open
            [](const Robot& robot) {
+             const engine::Mechanism& of = robot.mechanism;
              engine::Position at;
-             at.y = robot.mechanism.home;
-             std::copy_n(robot.home.begin(), robot.mechanism.coordinates,
-                         at.y.begin() + robot.mechanism.motors);
-             const engine::Check found = engine::check(robot.mechanism, at);
+             at.y = of.home;
+             std::copy_n(robot.home.begin(), of.coordinates, at.y.begin() + of.motors);
+             const engine::Check found = engine::check(of, at);
              std::vector<double> gap;
-             const bool closed =
-                 found.flaw == engine::Flaw::none || found.flaw >= engine::Flaw::open;
-             for (int i = 0; i < robot.mechanism.closures && closed; ++i)
-               gap.push_back(engine::gap(robot.mechanism, at, i));
-             return nb::make_tuple(
-                 static_cast<int>(found.flaw), found.part, found.amount, gap,
-                 std::vector(at.y.begin(), at.y.begin() + (closed ? robot.mechanism.freedoms : 0)));
+             for (int i = 0; i < of.closures && found.flaw == engine::Flaw::open; ++i)
+               gap.push_back(engine::gap(of, at, i));
+             return nb::make_tuple(static_cast<int>(found.flaw), found.part, found.amount, gap);
            })
       .def("finish", [](Robot& robot) {
         Outcome outcome = finish(robot);
@@ -223,8 +208,11 @@ nb::object type_of(const c::Table& table, std::size_t size) {
     for (const int extent : {field.rows, field.columns})
       if (extent > 0) shape.append(extent);
     constexpr const char* kNumbers[] = {"f8", "i4", "?"};
+    const nb::object number = field.table
+                                  ? type_of(*field.table, field.width)
+                                  : nb::object(nb::str(kNumbers[static_cast<int>(field.numbers)]));
     names.append(field.name), offsets.append(field.offset);
-    formats.append(nb::make_tuple(kNumbers[static_cast<int>(field.numbers)], nb::tuple(shape)));
+    formats.append(nb::make_tuple(number, nb::tuple(shape)));
   }
   return numpy("dtype")(nb::module_::import_("builtins")
                             .attr("dict")("names"_a = names, "formats"_a = formats,
@@ -245,7 +233,9 @@ bool is_array(const nb::object& member) { return nb::cast<int>(member.attr("ndim
 
 nb::object get_member(nb::handle self, nb::handle type, const char* name) {
   const nb::object member = view(self, type, name);
-  return member.attr(is_array(member) ? "copy" : "item")();
+  if (!is_array(member)) return member.attr("item")();
+  const bool records = !member.attr("dtype").attr("names").is_none();
+  return member.attr("copy")().attr("view")(numpy(records ? "recarray" : "ndarray"));
 }
 
 void set_member(nb::handle self, nb::handle type, const char* name, nb::handle value) {
@@ -258,26 +248,19 @@ void set_member(nb::handle self, nb::handle type, const char* name, nb::handle v
 
 void bind_structs(nb::module_& m) {
   bind_tables(m);
-  structures<Chain, Sensor, Body, PassiveAxis, FaultMonitorSettings, MultirateSettings,
-             SafetyLimits, SafetyReport>(m);
-  structure<engine::Body>(
-      m, "MechanismBody",
-      TRUEPOSE_MEMBERS(engine::Body, kind, parent, freedom, count, origin, axis, ratio, offset));
-  structure<engine::Closure>(
-      m, "MechanismClosure",
-      TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, mode,
-                       compliance, plane, normal, described, exchanged));
-  structure<FullLevel>(m, "FullLevel", TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess));
-  structure<ControlSettings>(m, "ControlSettings", c::table_of<ControlSettings>)
-      .def("place_poles",
-           [](ControlSettings& own, const Robot& robot, const Coordinates& x, double frequency,
-              double damping) { return answered(place_poles(robot, x, frequency, damping, own)); });
-  structure<Effects>(m, "Effects",
-                     TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness,
-                                      arm_damping, ripple, phase, delayed));
-  structure<Fault>(m, "Fault",
-                   TRUEPOSE_MEMBERS(Fault, kind, reading, other, size, begin, end, count, frame));
-  structure<Event>(m, "Event", TRUEPOSE_MEMBERS(Event, kind, begin, end, motor, size, force));
+  structure<FaultMonitorSettings>(m);
+  structure<MultirateSettings>(m);
+  structure<SafetyLimits>(m);
+  structure<SafetyReport>(m);
+  structure<engine::Mechanism>(m);
+  structure<FullLevel>(m);
+  structure<ControlSettings>(m).def(
+      "place_poles",
+      [](ControlSettings& own, const Robot& robot, const Coordinates& x, double frequency,
+         double damping) { return answered(place_poles(robot, x, frequency, damping, own)); });
+  structure<Effects>(m);
+  structure<Fault>(m);
+  structure<Event>(m);
   bind_robot(m);
 }
 }  // namespace truepose::python
