@@ -24,24 +24,26 @@ SafetyCycle cycle_of(const truepose_safety_marks& from) {
 }  // namespace
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 const char* truepose_stop_cause_text(int32_t cause) {
   return cause >= 0 && cause < kCauses ? kCauseTable[static_cast<std::size_t>(cause)].name : "";
 }
 
-size_t truepose_safety_shell_size(void) { return sizeof(c::Shell); }
+size_t truepose_safety_shell_size(void) { return sizeof(Shell); }
 
 truepose_outcome truepose_safety_defaults(const truepose_model* model,
                                           const truepose_control_settings* settings,
                                           truepose_safety_limits* limits) {
-  return c::derived(model, settings, limits, default_limits);
+  return derived(model, settings, limits, default_limits);
 }
 
 truepose_outcome truepose_stopping_distance(const truepose_model* model,
                                             const truepose_safety_limits* limits, int32_t marked,
                                             truepose_real speed, truepose_real* distance) {
-  return c::with(model)([&](const Robot& robot) -> Outcome {
-    const auto core = c::in<SafetyLimits>(limits);
+  return with(model)([&](const Robot& robot) -> Outcome {
+    const auto core = in<SafetyLimits>(limits);
     const Outcome outcome = consistent(core, robot.motors, dof(robot.mobility));
     if (!outcome) return outcome;
     if (!(speed >= 0 && speed < INFINITY)) return {Status::no_such_value};
@@ -52,14 +54,11 @@ truepose_outcome truepose_stopping_distance(const truepose_model* model,
 truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t size,
                                             const truepose_model* model,
                                             const truepose_safety_limits* limits) {
-  return c::with(model)([&](const Robot& robot) {
+  return with(model)([&](const Robot& robot) {
     SafetyLimits all;
-    Outcome sound = c::take(*limits, all);
+    Outcome sound = take(*limits, all);
     if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
-    return c::begun(sound, shell, size, [&](c::Shell& made) {
-      made.limits = all;
-      return Outcome{};
-    });
+    return begun(sound, shell, size, [&](Shell& made) { made.limits = all; });
   });
 }
 
@@ -68,19 +67,18 @@ truepose_outcome truepose_control_safely(
     truepose_fault_monitor* monitor, truepose_safety_shell* shell,
     const truepose_setpoint* setpoint, const truepose_real* q_e, const truepose_knowledge* known,
     truepose_real* work, const truepose_safety_marks* marks, truepose_safety_report* report) {
-  return c::with(model, controller,
-                 shell)([&](const Robot& robot, c::Controller& made, c::Shell& safe) {
-    c::FaultTolerantSetup* setup = monitor ? c::held(monitor) : nullptr;
-    if (monitor && !(setup && c::monitors(*setup, robot, finest))) return c::kUnfinished;
-    const c::Known by(robot, known, work, &made.kept, setup || made.weighs());
+  return with(model, controller, shell)([&](const Robot& robot, Controller& made, Shell& safe) {
+    FaultTolerantSetup* setup = monitor ? held(monitor) : nullptr;
+    if (monitor && !(setup && monitors(*setup, robot, finest))) return kUnfinished;
+    const Known by(robot, known, work, &made.kept, setup || made.weighs());
     if (!by.sound) return by.sound;
-    SafetyCycle cycle = c::cycle_of(*marks);
+    SafetyCycle cycle = cycle_of(*marks);
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made.late};
     const Outcome outcome =
-        control_safely(robot, made.settings, safe.limits, c::in<Setpoint>(setpoint),
-                       c::in<Extended>(q_e), made.state, safe.shell, cycle, by.weighing, monitored);
-    c::out<SafetyReport>(safe.shell, report);
+        control_safely(robot, made.settings, safe.limits, in<Setpoint>(setpoint), in<Extended>(q_e),
+                       made.state, safe.shell, cycle, by.weighing, monitored);
+    out<SafetyReport>(safe.shell, report);
     return outcome;
   });
 }
@@ -89,21 +87,20 @@ truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_she
                                 const truepose_safety_cycle* cycle,
                                 const truepose_safety_marks* marks,
                                 truepose_safety_report* report) {
-  return c::with(model, shell)([&](const Robot& robot, c::Shell& safe) {
-    SafetyCycle core = c::cycle_of(*marks);
+  return with(model, shell)([&](const Robot& robot, Shell& safe) {
+    SafetyCycle core = cycle_of(*marks);
     core.answer.status = static_cast<Status>(cycle->status);
     core.suspected = cycle->suspected | cycle->lost;
     core.lost = cycle->lost != 0;
     core.disagree = cycle->disagree != 0;
-    core.x = c::in<Coordinates>(cycle->x);
-    core.q_d = c::in<Joint>(cycle->q_d);
-    core.q = c::in<Joint>(cycle->q);
-    core.error = c::in<Joint>(cycle->error);
-    core.torque = c::in<Joint>(cycle->torque);
-    core.load = c::in<Joint>(cycle->load);
+    core.x = in<Coordinates>(cycle->x);
+    core.q_d = in<Joint>(cycle->q_d);
+    core.q = in<Joint>(cycle->q);
+    core.error = in<Joint>(cycle->error);
+    core.torque = in<Joint>(cycle->torque);
+    core.load = in<Joint>(cycle->load);
     guard(robot, safe.limits, core, safe.shell);
-    c::out<SafetyReport>(safe.shell, report);
-    return Outcome{};
+    out<SafetyReport>(safe.shell, report);
   });
 }
 }
