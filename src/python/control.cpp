@@ -1,8 +1,10 @@
 // Controllers, fault monitor and safety shell for Python. No mathematics.
 #include "control/safety_defaults.hpp"
+#include "control/trajectory.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"
+#include "simulation/bus.hpp"
 #include "simulation/simulate.hpp"
 #include "simulation/statics.hpp"
 
@@ -56,7 +58,7 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   std::vector<Reviewed> rows(q_e.shape(0));
   const Weights weights(setup.robot, &setup.known);
   FaultMonitor monitor;
-  Multirate late = Slow::started(setup.late);
+  Multirate late = started(setup.late);
   const auto next = [&](std::size_t i) {
     Reviewed& now = rows[i];
     late.arrived = arrivals(late.settings, late.cycle);
@@ -88,41 +90,46 @@ auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, c
   return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
 }
 
-/// A controller of an external plant: its state, and with a safety shell the path's clock.
+/// The controller of an external plant, and with a safety shell the path's clock.
 struct ExternalControl {
+  Robot robot;
+  ControlSettings settings;
+  Optional<const Known> known;
+  Optional<const FaultTolerantSetup> monitor;  ///< only with a safety shell
+  Lateness delays;
   std::optional<Safety> safety;
-  SafetyShell shell;
-  ControlState state;
-  FaultTolerantState fault_state;
-  PathClock clock;
+
+  Multirate late = started(delays.first);
+  Bus bus{delays.second.value_or(MultirateSettings{})};
+  SafetyShell shell{};
+  ControlState state{};
+  FaultTolerantState fault_state{};
+  PathClock clock{};
   std::uint64_t frame = 0;
 
-  explicit ExternalControl(const std::optional<Safety>& shell_limits) : safety(shell_limits) {}
-
-  /// One cycle. @param frozen  the frame's counter stands still @param begins  the operator's
-  /// acknowledgement and start; these and the monitor only with a safety shell
-  auto step(const Robot& robot, const ControlSettings& with, const Coordinates& x,
-            const Coordinates& rate, const Coordinates& acceleration, Extended q_e,
-            Optional<const Known> known, Optional<Slow> slow,
-            Optional<const FaultTolerantSetup> monitor, bool frozen, std::pair<bool, bool> begins) {
+  /// One cycle of a quintic move. @param q_e  at the sensors @param frozen  the frame's counter
+  /// stands still @param begins  the operator's acknowledgement and start, of a safety shell
+  auto step(const Coordinates& from, const Coordinates& to, double duration, double time,
+            Extended q_e, bool frozen, std::pair<bool, bool> begins) {
     const FaultTolerantSetup* setup = monitor.value_or(nullptr);
     const Weights own(setup ? setup->robot : robot,
                       setup ? &setup->known : known.value_or(nullptr));
-    Multirate* late = slow && (*slow)->known_late ? &(*slow)->late : nullptr;
     Weighing weighing = own;
-    if (late && !setup) weighing = compensated(robot, own, *late, (*slow)->known, q_e);
-    const Setpoint setpoint{x, rate, acceleration};
-    if (!safety) return answered(control(robot, with, setpoint, q_e, state, weighing));
+    Knowledge present;
+    late.arrived = bus.deliver(robot.motors, q_e);
+    if (delays.first && !setup) weighing = compensated(robot, own, late, present, q_e);
+    const Setpoint setpoint = quintic(robot.mobility, from, to, duration, time);
+    if (!safety) return answered(control(robot, settings, setpoint, q_e, state, weighing));
     Monitored monitored;
-    if (setup) monitored = {&setup->settings, &fault_state, late};
+    if (setup) monitored = {&setup->settings, &fault_state, delays.first ? &late : nullptr};
     SafetyCycle cycle;
     cycle.request = {begins.second, false, begins.first};
     if (!frozen) ++frame;
     cycle.counter = {safety->counted, frame};
-    const Outcome outcome = control_safely(robot, with, safety->limits, clock.paced(setpoint), q_e,
-                                           state, shell, cycle, weighing, monitored);
+    const Outcome outcome = control_safely(robot, settings, safety->limits, clock.paced(setpoint),
+                                           q_e, state, shell, cycle, weighing, monitored);
     if (!shell.follows) clock.rate = 0;
-    clock.advance(with.period, shell.path_stop);
+    clock.advance(settings.period, shell.path_stop);
     return answered(outcome);
   }
 };
@@ -155,7 +162,10 @@ void bind_safety(nb::module_& m) {
           return answered(outcome, distance);
         });
   nb::class_<ExternalControl>(m, "ExternalControl")
-      .def(nb::init<const std::optional<Safety>&>())
+      .def(nb::init<const Robot&, const ControlSettings&, Optional<const Known>,
+                    Optional<const FaultTolerantSetup>, const Lateness&,
+                    const std::optional<Safety>&>(),
+           nb::keep_alive<1, 4>(), nb::keep_alive<1, 5>())
       .def("step", &ExternalControl::step)
       .def("begin", [](ExternalControl& own) { own.clock = {}; })
       .def_prop_ro("time", [](const ExternalControl& own) { return own.clock.time; })

@@ -6,7 +6,6 @@
 #include "calibration/calibrate.hpp"
 #include "control/command.hpp"
 #include "control/fastest.hpp"
-#include "control/trajectory.hpp"
 #include "mechanism/angles_of.hpp"
 #include "mechanism/gyro.hpp"
 #include "python/for_rows.hpp"
@@ -203,11 +202,6 @@ const RowFunction kFunctions[] = {
      of<static_cast<Outcome (*)(const Robot&, const Pose&, const Coordinates&, const Coordinates&,
                                 Joint&)>(inverse_dynamics)>},
     {"acceleration", "n", of<forward_dynamics>},
-    {"setpoint", "n n n",  // of a straight quintic move
-     of<[](const Robot& robot, Coordinates from, Coordinates to, double duration, double time) {
-       const Setpoint at = quintic(robot.mobility, from, to, duration, time);
-       return std::tuple(Outcome{}, at.x, at.rate, at.acceleration);
-     }>},
     {"advance", "n n",  // of the reduced model
      of<[](const Robot& robot, Pose x, Coordinates rate, Joint torque, double duration, int steps) {
        PlantState state{x, rate};

@@ -205,7 +205,6 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
-  nb::class_<Slow>(m, "Slow").def(nb::init<const Lateness&>()).def("deliver", &Slow::deliver);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
       .def("read", &faulty)

@@ -143,14 +143,14 @@ class _Drive:
     def restart(self) -> None:
         """Restart at home."""
         self.body.stand(self.body.mechanism.home)
-        self.bus = _core.Slow(self.slow) if any(self.slow) else None
         self.pending = self.closing = np.zeros(self.robot.m)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
         self.stopped = ""
         limits = self.limits
         shell = _core.Safety(limits.core, limits.counter) if limits else None
-        self.state = _core.ExternalControl(shell)
+        given = self.believed.core, self.settings, self.known, self.monitor, self.slow
+        self.state = _core.ExternalControl(*given, shell)
         if limits:
             cycle = 0
             while not self.state.report.follows:  # the brakes hold the robot
@@ -169,13 +169,8 @@ class _Drive:
         begins: tuple[bool, bool] = (False, False),
     ) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
-        core, q_e = self.believed.core, sensed
-        x, rate, faster = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
-        if self.bus is not None:
-            q_e = self.bus.deliver(self.robot.m, q_e)
-        by = self.known, self.bus, self.monitor
-        status, _ = self.state.step(core, self.settings, x, rate, faster, q_e, *by, frozen, begins)
-        return int(status)
+        move = self.at, end, self.plant.duration, now
+        return int(self.state.step(*move, sensed, frozen, begins)[0])
 
     def _theta(self) -> float:
         frame = self.body.frame()
