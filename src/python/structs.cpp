@@ -130,7 +130,6 @@ void bind_robot(nb::module_& m) {
       .def_ro("full", &Robot::full)
       .def_rw("mechanism", &Robot::mechanism)
       .def_prop_ro("axes", [](const Robot& robot) { return passive_axes(robot.mobility); })
-      .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
       .def("__bytes__",
            [](const Robot& robot) {
              static truepose_description description;  // 8 kB

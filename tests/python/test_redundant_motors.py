@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from fixtures import drawn_poses, refused
+from fixtures import drawn_poses
 
 import truepose as tp
 

@@ -116,7 +116,7 @@ class Kinematics(Description):
         [946. 946. 946. 946.   0.]
         """
         exact = self.extended_positions(x, errors, level)
-        rows = np.ascontiguousarray(exact.reshape(-1, self.m + self.r))
+        rows = exact.reshape(-1, self.m + self.r)
         if self.backlash.any():  # approached from either side
             sides = np.random.default_rng([seed, 1]).choice((-0.5, 0.5), rows.shape)
             rows = rows + sides * self.backlash

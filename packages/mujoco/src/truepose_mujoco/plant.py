@@ -179,7 +179,7 @@ class _Drive:
     def go(self, x_d: Array, time: float) -> tuple:
         """Move to a pose, wait for rest, and read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
-        _, status, chain = _core.ikm(self.believed.core, np.ascontiguousarray(x_d[None]), False)
+        _, status, chain = _core.ikm(self.believed.core, x_d, False)
         if status[0] > 0:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
