@@ -79,36 +79,28 @@ inline Frame frame_of(const double* T) {
 }
 inline nb::object owned(const Frame& from) { return owned(numbers_of(from), {4, 4}); }
 
-/// Copies numbers in the order of their rows; of a fixed capacity the rest is 0.
-/// @return false: too many, or of another shape
-template <class T, std::size_t N>
-bool take(const Numbers<>& from, std::array<T, N>& to) {
-  if (from.size() > N) return false;
-  std::fill(std::copy_n(from.data(), from.size(), to.begin()), to.end(), T{});
-  return true;
-}
-template <class T>
-bool take(const Numbers<>& from, std::vector<T>& to) {
-  to.assign(from.data(), from.data() + from.size());
-  return true;
-}
-inline bool take(const Numbers<>& from, RowMatrix& to) {
-  if (from.ndim() != 2) return false;
-  to = {static_cast<int>(from.shape(0)), static_cast<int>(from.shape(1)), from.data()};
-  return true;
-}
-inline bool take(const Numbers<>& from, Frame& to) {
-  if (from.size() != 16) return false;
-  to = frame_of(from.data());
-  return true;
-}
-
-/// Whether something is numbers for numpy, and all of them are taken.
+/// Whether something is numbers for numpy, and all of them are taken in the order of their rows; of
+/// a fixed capacity the rest is 0.
 template <class Array>
 bool taken(nb::handle from, Array& to) noexcept {
   try {
-    return !from.is_none() &&
-           take(nb::cast<Numbers<>>(numpy("ascontiguousarray")(from, "double")), to);
+    if (from.is_none()) return false;
+    const auto given = nb::cast<Numbers<>>(numpy("ascontiguousarray")(from, "double"));
+    const std::size_t size = given.size();
+    if constexpr (std::is_same_v<Array, RowMatrix>) {
+      if (given.ndim() != 2) return false;
+      to = {static_cast<int>(given.shape(0)), static_cast<int>(given.shape(1)), given.data()};
+    } else if constexpr (std::is_same_v<Array, Frame>) {
+      if (size != 16) return false;
+      to = frame_of(given.data());
+    } else if constexpr (requires { to.resize(size); }) {
+      to.assign(given.data(), given.data() + size);
+    } else {
+      if (size > to.size()) return false;
+      to.fill({});
+      std::copy_n(given.data(), size, to.begin());
+    }
+    return true;
   } catch (const std::exception&) {
     return false;
   }
@@ -168,5 +160,4 @@ void bind_rows(nb::module_& module);
 void bind_control(nb::module_& module);
 void bind_simulation(nb::module_& module);
 void bind_calibration(nb::module_& module);
-void bind_safety(nb::module_& module);
 }  // namespace truepose::python

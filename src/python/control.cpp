@@ -135,9 +135,8 @@ struct ExternalControl {
 };
 }  // namespace
 
-void bind_control(nb::module_& m) { m.def("settle", &settled); }
-
-void bind_safety(nb::module_& m) {
+void bind_control(nb::module_& m) {
+  m.def("settle", &settled);
   nb::class_<Supervisor>(m, "Supervisor");  // of packages
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&, Optional<Supervisor>,

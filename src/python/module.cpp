@@ -34,5 +34,4 @@ NB_MODULE(_core, m) {
   python::bind_calibration(m);
   python::bind_control(m);
   python::bind_simulation(m);
-  python::bind_safety(m);
 }

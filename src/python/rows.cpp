@@ -29,7 +29,7 @@ struct Call {
 struct Row {
   const Call& call;
   std::size_t i;
-  const std::vector<double*>& out;
+  const Results& out;
   std::size_t in = 0, number = 0, results = 0;
 
   template <class Vector>
@@ -129,9 +129,11 @@ const RowFunction kFunctions[] = {
     {"extended", "e", of<[](Level level, const Robot& robot, Pose x, Extended& q_e) {
        return extended(level, robot, x, q_e);
      }>},
-    {"fkm", "n", of<[](Level level, const Robot& robot, Joint q, Coordinates x) {
-       const Outcome outcome = fkm(level, robot, q, x);
-       return std::tuple(outcome, x);
+    {"fkm", "n",
+     of<[](Level level, const Robot& robot, const Joint& q, const Coordinates& near,
+           Coordinates& x) {
+       x = near;
+       return fkm(level, robot, q, x);
      }>},
     {"parasitic", "h", of<parasitic>},
     {"jacobian", "nm", of<at_level(jacobian)>},
@@ -296,7 +298,7 @@ nb::tuple call(const RowFunction& function, const nb::args& args) {
   }
   return batch(
       count, with.shapes,
-      [&](std::size_t i, const std::vector<double*>& out) { return function.at({with, i, out}); },
+      [&](std::size_t i, const Results& out) { return function.at({with, i, out}); },
       function.rows_per_thread);
 }
 }  // namespace

@@ -25,12 +25,8 @@ using namespace nb::literals;
 
 namespace {
 const char* text(Unit unit) {
-  switch (unit) {
-    case Unit::metre: return "m";
-    case Unit::radian: return "rad";
-    case Unit::reading: return "reading";
-    default: return "";
-  }
+  constexpr const char* kUnits[] = {"", "m", "rad", "reading"};
+  return kUnits[static_cast<int>(unit)];
 }
 
 /// Names of a part's parameters, in ξ's order, with units.
@@ -45,10 +41,6 @@ void enumeration(nb::module_& m, const char* name, const nb::object& members) {
   m.attr(name) = nb::module_::import_("enum").attr("IntEnum")(
       name, members, "module"_a = m.attr("__name__"), "start"_a = 0);
 }
-void enumeration(nb::module_& m, const char* name, const char* members) {
-  enumeration(m, name, nb::str(members));
-}
-
 /// The core's tables of sensor kinds, laws, faults and ξ.
 void bind_tables(nb::module_& m) {
   const nb::object row = nb::module_::import_("types").attr("SimpleNamespace");
@@ -80,22 +72,24 @@ void bind_tables(nb::module_& m) {
   m.attr("axis_parameters") = named(kAxisTable);
   m.attr("closure_parameters") = named(kClosureTable);
   enumeration(m, "SensorKind", nb::list(sensors));
-  enumeration(m, "Mobility",
-              "planar_translation planar translation schoenflies spatial rotational_1 rotational_2 "
-              "rotational_3 mechanism_1 mechanism_2 mechanism_3");
-  enumeration(m, "JointKind", "slide shift hinge ball");
-  enumeration(m, "Flaw",
-              "none too_many_bodies too_many_freedoms too_many_closures no_such_part circle "
-              "no_length open unmoved idle dependent loose");
-  enumeration(m, "Actuator", "revolute prismatic telescopic");
-  enumeration(m, "BarJoint", "pivots four_bar");
-  enumeration(m, "Level", "ideal full");
-  enumeration(m, "FullKind", "undescribed same exists overconstrained loose elastic");
-  enumeration(m, "FeedForward", "none gravity full");
-  enumeration(m, "Gains", "diagonal inertia");
-  enumeration(m, "DisturbanceKind", "none payload friction contact");
-  enumeration(m, "Loss", "squares huber student");
-  enumeration(m, "LinkKind", "plane distance point");
+  for (const auto& [name, members] :
+       {std::pair{"Mobility",
+                  "planar_translation planar translation schoenflies spatial rotational_1 "
+                  "rotational_2 rotational_3 mechanism_1 mechanism_2 mechanism_3"},
+        {"JointKind", "slide shift hinge ball"},
+        {"Flaw",
+         "none too_many_bodies too_many_freedoms too_many_closures no_such_part circle no_length "
+         "open unmoved idle dependent loose"},
+        {"Actuator", "revolute prismatic telescopic"},
+        {"BarJoint", "pivots four_bar"},
+        {"Level", "ideal full"},
+        {"FullKind", "undescribed same exists overconstrained loose elastic"},
+        {"FeedForward", "none gravity full"},
+        {"Gains", "diagonal inertia"},
+        {"DisturbanceKind", "none payload friction contact"},
+        {"Loss", "squares huber student"},
+        {"LinkKind", "plane distance point"}})
+    enumeration(m, name, nb::str(members));
 }
 
 /// Throws if the core failed. @throws nb::value_error
