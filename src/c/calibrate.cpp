@@ -68,18 +68,20 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
 }  // namespace
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 truepose_outcome truepose_calibrate(const truepose_model* drawn, const truepose_knowledge* prior,
                                     const double* mean, const truepose_log* log,
                                     truepose_calibration* result) {
-  return result->outcome = c::with(drawn)(
-             [&](const Robot& robot) { return c::calibrate(robot, *prior, mean, *log, *result); });
+  return result->outcome = with(drawn)(
+             [&](const Robot& robot) { return calibrate(robot, *prior, mean, *log, *result); });
 }
 
 truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t count,
                                           const int32_t* column, const double* value,
                                           truepose_model* model, size_t size) {
-  return c::with(drawn)([&](const Robot& robot) -> Outcome {
+  return with(drawn)([&](const Robot& robot) -> Outcome {
     std::vector<double> xi(parameter_count(robot));
     if (const Outcome outcome = drawn_parameters(robot, xi.data()); !outcome) return outcome;
     for (int k = 0; k < count; ++k) {
@@ -89,10 +91,7 @@ truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t c
     }
     Robot changed = robot;
     if (const Outcome outcome = set_parameters(robot, xi.data(), changed); !outcome) return outcome;
-    return c::begun({}, model, size, [&](c::Model& made) {
-      made.robot = changed;
-      return Outcome{};
-    });
+    return begun({}, model, size, [&](Model& made) { made.robot = changed; });
   });
 }
 }

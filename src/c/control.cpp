@@ -69,9 +69,11 @@ Outcome servo(const Robot& robot, Law law, Real band, const truepose_real* x_d, 
 }  // namespace
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 size_t truepose_work(const truepose_model* model, int32_t count) {
-  const Robot* robot = c::held(model);
+  const Robot* robot = held(model);
   return robot ? static_cast<std::size_t>(estimate_work(*robot, std::max(count, int32_t{0}))) : 0;
 }
 
@@ -80,19 +82,19 @@ truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepo
                                 const truepose_knowledge* known, truepose_real* work,
                                 truepose_servo_cycle* cycle) {
   const Law by{law};
-  if (!c::law_exists(by)) return c::answer(Status::no_such_part);
-  return c::with(model, q_e)([&](const Robot& robot, const Extended& read) {
-    const c::Known weighs(robot, known, work, nullptr, properties(by).weighs);
+  if (!law_exists(by)) return answer(Status::no_such_part);
+  return with(model, q_e)([&](const Robot& robot, const Extended& read) {
+    const Known weighs(robot, known, work, nullptr, properties(by).weighs);
     if (!weighs.sound) return weighs.sound;
-    return c::servo(robot, by, band, x_d, read, weighs.weighing, nullptr, cycle);
+    return servo(robot, by, band, x_d, read, weighs.weighing, nullptr, cycle);
   });
 }
 
 truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
-  if (cap < 1 || cap > kFkmCap) return c::answer(Status::no_such_value);
-  return c::with(model, motors, cap, c::Both{joints})(joint_state);
+  if (cap < 1 || cap > kFkmCap) return answer(Status::no_such_value);
+  return with(model, motors, cap, Both{joints})(joint_state);
 }
 
 truepose_outcome truepose_motor_command(const truepose_model* model,
@@ -100,35 +102,32 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
                                         const truepose_axis_state* joints,
                                         const truepose_axis_command* wanted,
                                         truepose_axis_command* given) {
-  return c::with(model, motors, joints, wanted, given)(motor_command);
+  return with(model, motors, joints, wanted, given)(motor_command);
 }
 
 void truepose_control_defaults(truepose_control_settings* settings) {
-  c::out(ControlSettings{}, settings);
+  out(ControlSettings{}, settings);
 }
 
 truepose_outcome truepose_place_poles(const truepose_model* model, const truepose_real* x,
                                       truepose_real frequency, truepose_real damping,
                                       truepose_control_settings* settings) {
-  if (!(frequency > 0 && damping > 0)) return c::answer(Status::no_such_value);
-  return c::with(model, x, frequency, damping, c::Both{settings})(place_poles);
+  if (!(frequency > 0 && damping > 0)) return answer(Status::no_such_value);
+  return with(model, x, frequency, damping, Both{settings})(place_poles);
 }
 
-size_t truepose_controller_size(void) { return sizeof(c::Controller); }
+size_t truepose_controller_size(void) { return sizeof(Controller); }
 
 truepose_outcome truepose_controller_init(truepose_controller* controller, size_t size,
                                           const truepose_control_settings* settings) {
   ControlSettings all;
-  const Outcome sound = c::take_sound(*settings, all);
-  return c::answer(c::begun(sound, controller, size, [&](c::Controller& made) {
-    made.settings = all;
-    return Outcome{};
-  }));
+  const Outcome sound = take_sound(*settings, all);
+  return answer(begun(sound, controller, size, [&](Controller& made) { made.settings = all; }));
 }
 
 truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law) {
-  return c::with(controller)([&](c::Controller& made) -> Outcome {
-    if (!c::law_exists(Law{law})) return {Status::no_such_part};
+  return with(controller)([&](Controller& made) -> Outcome {
+    if (!law_exists(Law{law})) return {Status::no_such_part};
     made.settings.law = Law{law};
     return {};
   });
@@ -139,15 +138,15 @@ truepose_outcome truepose_controller_servo(const truepose_model* model,
                                            const truepose_real* x_d, const truepose_real* q_e,
                                            const truepose_knowledge* known, truepose_real* work,
                                            truepose_servo_cycle* cycle) {
-  return c::with(model, controller)([&](const Robot& robot, c::Controller& made) {
+  return with(model, controller)([&](const Robot& robot, Controller& made) {
     const ControlSettings& settings = made.settings;
-    const c::Known weighs(robot, known, work, &made.kept, made.weighs());
+    const Known weighs(robot, known, work, &made.kept, made.weighs());
     if (!weighs.sound) return weighs.sound;
     Parasitic nearby = made.state.nearby;
-    const c::Present now(robot, made, q_e, weighs.weighing);
+    const Present now(robot, made, q_e, weighs.weighing);
     const Scaled scaled(now.weighing, settings.sigma_scale);
-    const Outcome outcome = c::servo(robot, settings.law, settings.damped_below, x_d, now.q_e,
-                                     scaled.weighing, &nearby, cycle);
+    const Outcome outcome = servo(robot, settings.law, settings.damped_below, x_d, now.q_e,
+                                  scaled.weighing, &nearby, cycle);
     if (outcome) made.state.nearby = nearby;
     return outcome;
   });
@@ -157,35 +156,35 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
                                   const truepose_setpoint* setpoint, const truepose_real* q_e,
                                   const truepose_knowledge* known, truepose_real* work,
                                   truepose_real* torque) {
-  return c::with(model, controller)([&](const Robot& robot, c::Controller& made) {
-    const c::Known weighs(robot, known, work, &made.kept, made.weighs());
+  return with(model, controller)([&](const Robot& robot, Controller& made) {
+    const Known weighs(robot, known, work, &made.kept, made.weighs());
     if (!weighs.sound) return weighs.sound;
-    const c::Present now(robot, made, q_e, weighs.weighing);
+    const Present now(robot, made, q_e, weighs.weighing);
     const Outcome outcome =
-        control(robot, made.settings, c::in<Setpoint>(setpoint), now.q_e, made.state, now.weighing);
-    c::out(made.state.torque, torque);
+        control(robot, made.settings, in<Setpoint>(setpoint), now.q_e, made.state, now.weighing);
+    out(made.state.torque, torque);
     return outcome;
   });
 }
 
-size_t truepose_multirate_size(void) { return sizeof(c::SlowSensors); }
+size_t truepose_multirate_size(void) { return sizeof(SlowSensors); }
 
 truepose_outcome truepose_multirate_init(truepose_multirate* sensors, size_t size,
                                          const truepose_multirate_settings* settings) {
   const bool same = settings->size == sizeof *settings;
   const Outcome sound{same ? Status::ok : Status::other_version};
-  return c::answer(c::begun(sound, sensors, size, [&](c::SlowSensors& made) {
-    return start(c::in<MultirateSettings>(settings), made.late);
+  return answer(begun(sound, sensors, size, [&](SlowSensors& made) {
+    return start(in<MultirateSettings>(settings), made.late);
   }));
 }
 
 truepose_outcome truepose_controller_sensors(truepose_controller* controller,
                                              truepose_multirate* sensors) {
-  return c::with(controller)([&](c::Controller& made) {
-    c::SlowSensors* slow = sensors ? c::held(sensors) : nullptr;
-    if (sensors && slow == nullptr) return c::kUnfinished;
+  return with(controller)([&](Controller& made) {
+    SlowSensors* slow = sensors ? held(sensors) : nullptr;
+    if (sensors && slow == nullptr) return kUnfinished;
     made.late = slow ? &slow->late : nullptr;
-    made.compensate = [](const Robot& robot, Multirate& late, c::Present& now) {
+    made.compensate = [](const Robot& robot, Multirate& late, Present& now) {
       now.weighing = compensated(robot, now.weighing, late, now.known, now.q_e);
     };
     return Outcome{};
@@ -194,7 +193,7 @@ truepose_outcome truepose_controller_sensors(truepose_controller* controller,
 
 truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t arrived,
                                            const uint64_t* time, uint64_t now, uint32_t* stale) {
-  return c::with(sensors)([&](c::SlowSensors& slow) {
+  return with(sensors)([&](SlowSensors& slow) {
     Multirate& late = slow.late;
     late.arrived = arrived & late.which;
     for (int k = 0; k < kMaxSensors; ++k)
@@ -205,20 +204,18 @@ truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t
           late.arrived &= ~bit(k);
       }
     if (stale) *stale = arrived & late.which & ~late.arrived;
-    return Outcome{};
   });
 }
 
-size_t truepose_fault_monitor_size(void) { return sizeof(c::FaultTolerantSetup); }
+size_t truepose_fault_monitor_size(void) { return sizeof(FaultTolerantSetup); }
 
 truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* monitor, size_t size,
                                              const truepose_fault_monitor_settings* settings) {
   FaultMonitorSettings all;
-  const Outcome sound = c::take_sound(*settings, all);
-  return c::answer(c::begun(sound, monitor, size, [&](c::FaultTolerantSetup& made) {
+  const Outcome sound = take_sound(*settings, all);
+  return answer(begun(sound, monitor, size, [&](FaultTolerantSetup& made) {
     prepare(all);
     made.settings.monitor = all;
-    return Outcome{};
   }));
 }
 
@@ -227,18 +224,18 @@ truepose_outcome truepose_control_fault_tolerant(
     truepose_fault_monitor* monitor, const truepose_setpoint* setpoint, const truepose_real* q_e,
     const truepose_knowledge* known, truepose_real* work, truepose_real* torque,
     truepose_fault_report* report) {
-  return c::with(model, controller, monitor)(
-      [&](const Robot& robot, c::Controller& made, c::FaultTolerantSetup& setup) {
-        const c::Known weighs(robot, known, work, &made.kept);
-        if (!weighs.sound) return weighs.sound;
-        if (!c::monitors(setup, robot, finest)) return c::kUnfinished;
-        const Outcome outcome = control_fault_tolerant(
-            robot, made.settings, setup.settings, c::in<Setpoint>(setpoint), c::in<Extended>(q_e),
-            made.state, weighs.weighing, setup.state, made.late);
-        c::out(made.state.torque, torque);
-        c::report_on(setup, report);
-        return outcome;
-      });
+  return with(model, controller,
+              monitor)([&](const Robot& robot, Controller& made, FaultTolerantSetup& setup) {
+    const Known weighs(robot, known, work, &made.kept);
+    if (!weighs.sound) return weighs.sound;
+    if (!monitors(setup, robot, finest)) return kUnfinished;
+    const Outcome outcome = control_fault_tolerant(
+        robot, made.settings, setup.settings, in<Setpoint>(setpoint), in<Extended>(q_e), made.state,
+        weighs.weighing, setup.state, made.late);
+    out(made.state.torque, torque);
+    report_on(setup, report);
+    return outcome;
+  });
 }
 
 truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
@@ -247,24 +244,23 @@ truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
                                              const truepose_knowledge* known, truepose_real* work,
                                              truepose_real* believed,
                                              truepose_fault_report* report) {
-  return c::with(finest, monitor)([&](const Robot& robot, c::FaultTolerantSetup& setup) {
-    const c::Known weighs(robot, known, work);
+  return with(finest, monitor)([&](const Robot& robot, FaultTolerantSetup& setup) {
+    const Known weighs(robot, known, work);
     if (!weighs.sound) return weighs.sound;
-    const auto read = c::in<Extended>(q_e);
+    const auto read = in<Extended>(q_e);
     Extended stands = read;
-    const Outcome outcome =
-        monitor_faults(robot, setup.settings.monitor, weighs.weighing, c::in<Joint>(desired), read,
-                       setup.state.monitor, stands);
-    if (outcome) c::out(stands, believed);
-    c::report_on(setup, report);
+    const Outcome outcome = monitor_faults(robot, setup.settings.monitor, weighs.weighing,
+                                           in<Joint>(desired), read, setup.state.monitor, stands);
+    if (outcome) out(stands, believed);
+    report_on(setup, report);
     return outcome;
   });
 }
 
 truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* monitor,
                                                     int32_t reading) {
-  return c::with(monitor)([&](c::FaultTolerantSetup& setup) -> Outcome {
-    if (!c::below(reading, kMaxReadings)) return {Status::no_such_part, reading};
+  return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
+    if (!below(reading, kMaxReadings)) return {Status::no_such_part, reading};
     acknowledge(setup.state, reading);
     return {};
   });
@@ -272,25 +268,25 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* moni
 
 truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
                                             const truepose_real* led) {
-  return c::with(monitor)([&](c::FaultTolerantSetup& setup) -> Outcome {
+  return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
     if (!all_finite(led, kMaxMotors)) return {Status::not_finite};
-    setup.state.monitor.led = c::in<Joint>(led);
+    setup.state.monitor.led = in<Joint>(led);
     return {};
   });
 }
 
 int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
-  const c::FaultTolerantSetup* setup = c::held(monitor);
+  const FaultTolerantSetup* setup = held(monitor);
   return setup && setup->state.monitor.warm_up.warm;
 }
 
 void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {
-  auto core = c::in<PathClock>(clock);
+  auto core = in<PathClock>(clock);
   core.advance(period, stop);
-  c::out(core, clock);
+  out(core, clock);
 }
 
 void truepose_pace(const truepose_path_clock* clock, truepose_setpoint* setpoint) {
-  c::out(c::in<PathClock>(clock).paced(c::in<Setpoint>(setpoint)), setpoint);
+  out(in<PathClock>(clock).paced(in<Setpoint>(setpoint)), setpoint);
 }
 }

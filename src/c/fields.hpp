@@ -16,19 +16,19 @@
 #include "truepose/truepose.h"
 
 namespace truepose::c {
-enum class Numbers : int { real, whole, flag };  ///< Real, four bytes, bool
+enum class Numbers : int { real, whole, flag, part };  ///< Real, four bytes, bool, a struct
 
-/// A member: a number, or an array of one or two dimensions.
+struct Table;
+
+/// A member: a number or a struct, or an array of one or two dimensions.
 struct Field {
   const char* name;
-  int offset;
+  int offset, width;
   Numbers numbers;
-  int rows = 0, columns = 0;  ///< 0: not in this dimension
+  int rows, columns;   ///< 0: not in this dimension
+  const Table* table;  ///< of a struct
 
   constexpr int count() const { return (rows ? rows : 1) * (columns ? columns : 1); }
-  constexpr int width() const {
-    return numbers == Numbers::real ? sizeof(Real) : numbers == Numbers::whole ? 4 : 1;
-  }
 };
 
 /// A struct's table, the size of the struct in C, and its name in the core.
@@ -37,6 +37,12 @@ struct Table {
   int size;
   const char* name = "";
 };
+
+template <class Struct>
+struct Described;
+template <class Struct>
+inline constexpr Table table_of{Described<Struct>::fields, Described<Struct>::size,
+                                Described<Struct>::name};
 
 namespace fields_detail {
 template <class T>
@@ -57,13 +63,17 @@ template <class T>
 constexpr Field field(const char* name, std::size_t offset) {
   using S = Shape<T>;
   using Number = typename S::Number;
-  static_assert(std::is_same_v<Number, Real> || std::is_same_v<Number, bool> ||
-                sizeof(Number) == 4);
-  return {name, static_cast<int>(offset),
-          std::is_same_v<Number, Real>   ? Numbers::real
-          : std::is_same_v<Number, bool> ? Numbers::flag
-                                         : Numbers::whole,
-          S::rows, S::columns};
+  Field made{name,   static_cast<int>(offset), sizeof(Number), Numbers::whole, S::rows, S::columns,
+             nullptr};
+  if constexpr (requires { Described<Number>::fields; })
+    made.numbers = Numbers::part, made.table = &table_of<Number>;
+  else if constexpr (std::is_same_v<Number, Real>)
+    made.numbers = Numbers::real;
+  else if constexpr (std::is_same_v<Number, bool>)
+    made.numbers = Numbers::flag;
+  else
+    static_assert(sizeof(Number) == 4);
+  return made;
 }
 
 /// All members but Eccentricity, which is two of C's: gear and eccentricity.
@@ -74,18 +84,12 @@ void numbers(const auto& member)
 constexpr bool complete(std::span<const Field> fields, std::size_t end) {
   int at = 0;
   for (const Field& field : fields) {
-    if (field.offset < at || field.offset - at >= field.width()) return false;
-    at = field.offset + field.count() * field.width();
+    if (field.offset < at || field.offset - at >= field.width) return false;
+    at = field.offset + field.count() * field.width;
   }
   return at == static_cast<int>(end);
 }
 }  // namespace fields_detail
-
-template <class Core>
-struct Described;
-template <class Core>
-inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size,
-                                Described<Core>::name};
 
 #define TRUEPOSE_FIELD(C, Core, member) \
   fields_detail::field<decltype(C::member)>(#member, offsetof(C, member)),
@@ -97,18 +101,23 @@ inline constexpr Table table_of{Described<Core>::fields, Described<Core>::size,
     else                                                                                           \
       return true;                                                                                 \
   }(static_cast<Core*>(nullptr)));
-// TRUEPOSE_TABLE(C, Core, a, b, …): all members of C; TRUEPOSE_TABLE_TO: up to `end` bytes.
-#define TRUEPOSE_TABLE(C, Core, ...) TRUEPOSE_TABLE_TO(C, Core, sizeof(C), __VA_ARGS__)
-#define TRUEPOSE_TABLE_TO(C, Core, end, ...)                                                 \
+// TRUEPOSE_MEMBERS(T, a, b, …): these members of a struct that C does not have.
+#define TRUEPOSE_MEMBERS(T, ...) TRUEPOSE_DESCRIBED(T, T, 0, __VA_ARGS__)
+#define TRUEPOSE_DESCRIBED(C, Core, bytes, ...)                                              \
   template <>                                                                                \
   struct Described<Core> {                                                                   \
     using type = C;                                                                          \
     static constexpr Field fields[] = {TRUEPOSE_EACH(TRUEPOSE_FIELD, C, Core, __VA_ARGS__)}; \
     static constexpr const char* name = #Core;                                               \
-    static constexpr int size = sizeof(C);                                                   \
-  };                                                                                         \
-  static_assert(std::is_trivially_copyable_v<Core> && sizeof(C) <= sizeof(Core));            \
-  static_assert(fields_detail::complete(Described<Core>::fields, end));                      \
+    static constexpr int size = bytes;                                                       \
+  };
+// TRUEPOSE_TABLE(C, Core, a, b, …): all members of C.
+#define TRUEPOSE_TABLE(C, Core, ...)                                              \
+  TRUEPOSE_DESCRIBED(C, Core, sizeof(C), __VA_ARGS__)                             \
+  template <>                                                                     \
+  struct Described<C> : Described<Core> {};                                       \
+  static_assert(std::is_trivially_copyable_v<Core> && sizeof(C) <= sizeof(Core)); \
+  static_assert(fields_detail::complete(Described<Core>::fields, sizeof(C)));     \
   TRUEPOSE_EACH(TRUEPOSE_SAME_PLACE, C, Core, __VA_ARGS__)
 
 TRUEPOSE_TABLE(truepose_chain, Chain, actuator, working_mode, bar, unused, base, axis, zero, pivot,
@@ -119,9 +128,8 @@ TRUEPOSE_TABLE(truepose_sensor, Sensor, kind, chain, at_nacelle, rod, bar, axis,
                eccentricity, step, noise, weight, origin, direction, target, normal)
 TRUEPOSE_TABLE(truepose_body, Body, bar, unused, mass, pivot, anchor, inertia)
 TRUEPOSE_TABLE(truepose_axis, PassiveAxis, origin, direction, low, high)
-TRUEPOSE_TABLE_TO(truepose_description, Robot, offsetof(truepose_description, chain), abi, size,
-                  mobility, chains, motors, sensors, bodies, bar_joint, level, unused, gravity,
-                  home)
+TRUEPOSE_TABLE(truepose_description, Robot, abi, size, mobility, chains, motors, sensors, bodies,
+               bar_joint, level, unused, gravity, home, chain, sensor, body, axis)
 TRUEPOSE_TABLE(truepose_control_settings, ControlSettings, size, law, gains, feed_forward,
                sigma_scale, unused, period, velocity_bandwidth, damped_below, lead_out, kp, kd, ki)
 TRUEPOSE_TABLE(truepose_fault_monitor_settings, FaultMonitorSettings, size, refresh, coast, decide,
@@ -137,13 +145,6 @@ TRUEPOSE_TABLE(truepose_axis_state, AxisState, position, velocity, torque)
 TRUEPOSE_TABLE(truepose_setpoint, Setpoint, x, rate, acceleration)
 TRUEPOSE_TABLE(truepose_path_clock, PathClock, time, rate, slowing, since)
 
-// Parts of a robot are arrays of the structs above.
-static_assert(offsetof(truepose_description, sensor) == offsetof(Robot, sensor) &&
-              offsetof(truepose_description, body) == offsetof(Robot, body) &&
-              offsetof(truepose_description, axis) == offsetof(Robot, axis) &&
-              sizeof(truepose_chain) == sizeof(Chain) &&
-              sizeof(truepose_sensor) == sizeof(Sensor) && sizeof(truepose_body) == sizeof(Body) &&
-              sizeof(truepose_axis) == sizeof(PassiveAxis));
 static_assert(sizeof(truepose_axis_command) == sizeof(AxisCommand) &&
               sizeof(truepose_estimate_result) == sizeof(Estimate) &&
               sizeof(truepose_fkm_result) == sizeof(FkmResult) &&

@@ -83,35 +83,37 @@ FkmResult pose_of(const Robot& robot, const Joint& q, std::int32_t cap, Coordina
 }  // namespace
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_real* x,
                                   truepose_pose* pose) {
-  return c::with(model, x)([&](const Robot& robot, const Coordinates& at) -> Outcome {
+  return with(model, x)([&](const Robot& robot, const Coordinates& at) -> Outcome {
     if (!all_finite(at, dof(robot.mobility))) return {Status::not_finite};
-    c::to_c(robot, at, pose);
+    to_c(robot, at, pose);
     return {};
   });
 }
 
 truepose_outcome truepose_coordinates_of(const truepose_model* model, const truepose_pose* pose,
                                          truepose_real* x) {
-  return c::with(model, pose, c::Both{x})(c::coordinates);
+  return with(model, pose, Both{x})(coordinates);
 }
 
 truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
                                               truepose_real* rotation) {
-  return c::with(angles)([&](const RollPitchYaw& from) -> Outcome {
+  return with(angles)([&](const RollPitchYaw& from) -> Outcome {
     if (!all_finite(from, 3)) return {Status::not_finite};
-    c::by_rows(from_roll_pitch_yaw(from), rotation);
+    by_rows(from_roll_pitch_yaw(from), rotation);
     return {};
   });
 }
 
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
-  return c::with(c::Both{angles})([&](RollPitchYaw& near) -> Outcome {
-    const Mat3 R = c::matrix(rotation);
+  return with(Both{angles})([&](RollPitchYaw& near) -> Outcome {
+    const Mat3 R = matrix(rotation);
     if (!all_finite(near, 3)) return {Status::not_finite};
-    const Outcome outcome = c::rotates(R);
+    const Outcome outcome = rotates(R);
     if (outcome) near = to_roll_pitch_yaw(R, near);
     return outcome;
   });
@@ -119,18 +121,18 @@ truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truep
 
 truepose_outcome truepose_ikm(const truepose_model* model, const truepose_real* x,
                               truepose_real* q) {
-  return c::with(model, x, q)([](const Robot& robot, const Coordinates& at, Joint& found) {
+  return with(model, x, q)([](const Robot& robot, const Coordinates& at, Joint& found) {
     return command(level_of(robot), robot, at, found);
   });
 }
 
 truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_pose* pose,
                                    truepose_real* q, truepose_real* conditioned) {
-  return c::with(model, q)([&](const Robot& robot, Joint& found) {
+  return with(model, q)([&](const Robot& robot, Joint& found) {
     Pose at;
     Coordinates x = robot.home;
     const bool any = robot.mobility == Mobility::spatial;  // any pose is feasible
-    const Outcome outcome = any ? c::body(*pose, at) : c::coordinates(robot, *pose, x);
+    const Outcome outcome = any ? body(*pose, at) : coordinates(robot, *pose, x);
     if (!any) at = to_pose(robot.mobility, x);
     return outcome ? command(level_of(robot), robot, at, found, conditioned) : outcome;
   });
@@ -138,59 +140,59 @@ truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_p
 
 truepose_fkm_result truepose_fkm(const truepose_model* model, const truepose_real* q, int32_t cap,
                                  truepose_real* x) {
-  return c::with(model, q, cap, c::Both{x})(c::pose_of);
+  return with(model, q, cap, Both{x})(pose_of);
 }
 
 truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepose_real* q,
                                       int32_t cap, truepose_pose* pose) {
-  return c::with(model, q)([&](const Robot& robot, const Joint& at) -> FkmResult {
+  return with(model, q)([&](const Robot& robot, const Joint& at) -> FkmResult {
     Coordinates x = robot.home;
-    const Outcome near = c::coordinates(robot, *pose, x);
+    const Outcome near = coordinates(robot, *pose, x);
     if (!near) return {near};
-    const FkmResult result = c::pose_of(robot, at, cap, x);
-    if (result) c::to_c(robot, x, pose);
+    const FkmResult result = pose_of(robot, at, cap, x);
+    if (result) to_c(robot, x, pose);
     return result;
   });
 }
 
 truepose_outcome truepose_readings(const truepose_model* model, const truepose_real* x,
                                    truepose_real* q_e) {
-  return c::with(model, x, q_e)([](const Robot& robot, const Coordinates& at, Extended& found) {
+  return with(model, x, q_e)([](const Robot& robot, const Coordinates& at, Extended& found) {
     return extended(level_of(robot), robot, to_pose(robot.mobility, at), found);
   });
 }
 
 truepose_outcome truepose_jacobian(const truepose_model* model, const truepose_real* x,
                                    truepose_real* J) {
-  return c::with(model, x, J)([](const Robot& robot, const Coordinates& at, JointMatrix& found) {
+  return with(model, x, J)([](const Robot& robot, const Coordinates& at, JointMatrix& found) {
     return jacobian(level_of(robot), robot, at, found);
   });
 }
 
 truepose_outcome truepose_gyro(const truepose_model* model, const truepose_real* x,
                                truepose_real* W) {
-  return c::with(model, x, W)(gyro);
+  return with(model, x, W)(gyro);
 }
 
 truepose_outcome truepose_joint_torque(const truepose_model* model, const truepose_real* x,
                                        const truepose_real* torque, truepose_real* joint) {
-  return c::with(model, x, torque, joint)(c::mapped<Joint, Coordinates>);
+  return with(model, x, torque, joint)(mapped<Joint, Coordinates>);
 }
 
 truepose_outcome truepose_motor_torque(const truepose_model* model, const truepose_real* x,
                                        const truepose_real* joint, truepose_real* torque) {
-  return c::with(model, x, joint, torque)(c::mapped<Coordinates, Joint>);
+  return with(model, x, joint, torque)(mapped<Coordinates, Joint>);
 }
 
 truepose_outcome truepose_conditioning(const truepose_model* model, const truepose_real* x,
                                        truepose_real* parallel, truepose_real* serial) {
-  return c::with(model, x, parallel, serial)(conditioning);
+  return with(model, x, parallel, serial)(conditioning);
 }
 
 truepose_outcome truepose_tej(const truepose_model* model, const truepose_real* x,
                               truepose_real band, truepose_real* tej_rows) {
-  return c::with(model, x,
-                 tej_rows)([&](const Robot& robot, const Coordinates& at, ExtendedRows& found) {
+  return with(model, x,
+              tej_rows)([&](const Robot& robot, const Coordinates& at, ExtendedRows& found) {
     ExtendedColumns M{};
     return tej(robot, at, M, found, band);
   });

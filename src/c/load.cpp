@@ -75,8 +75,10 @@ Outcome load(const truepose_description& of, Robot& robot) {
 
 using namespace truepose;
 
+using namespace truepose::c;
+
 extern "C" {
-size_t truepose_model_size(void) { return sizeof(c::Model); }
+size_t truepose_model_size(void) { return sizeof(Model); }
 
 int32_t truepose_abi(void) { return TRUEPOSE_ABI; }
 
@@ -84,30 +86,27 @@ const char* truepose_status_text(int32_t status) { return describe(static_cast<S
 
 truepose_outcome truepose_load(truepose_model* model, size_t size,
                                const truepose_description* description) {
-  return c::answer(
-      c::begun({}, model, size, [&](c::Model& made) { return c::load(*description, made.robot); }));
+  return answer(
+      begun({}, model, size, [&](Model& made) { return load(*description, made.robot); }));
 }
 
 truepose_outcome truepose_description_of(const truepose_model* model,
                                          truepose_description* description) {
-  return c::with(model)([&](const Robot& robot) {
-    c::describe(robot, *description);
-    return Outcome{};
-  });
+  return with(model)([&](const Robot& robot) { describe(robot, *description); });
 }
 
 int32_t truepose_freedoms(const truepose_model* model) {
-  const Robot* robot = c::held(model);
+  const Robot* robot = held(model);
   return robot ? dof(robot->mobility) : 0;
 }
 
 int32_t truepose_motors(const truepose_model* model) {
-  const Robot* robot = c::held(model);
+  const Robot* robot = held(model);
   return robot ? robot->motors : 0;
 }
 
 int32_t truepose_sensors(const truepose_model* model) {
-  const Robot* robot = c::held(model);
+  const Robot* robot = held(model);
   return robot ? robot->r : 0;
 }
 }

@@ -123,8 +123,12 @@ template <class... A>
 auto with(A... given) {
   return [=](const auto& f) {
     return [&]<class R, class... P>(std::type_identity<std::function<R(P...)>>) {
-      R result{kUnfinished};
-      if ((held(given) && ...)) result = f(taken<P>(given, result)...);
+      std::conditional_t<std::is_void_v<R>, Outcome, R> result{kUnfinished};
+      if (!(held(given) && ...)) return answer(result);
+      if constexpr (std::is_void_v<R>)
+        result = {}, f(taken<P>(given, result)...);
+      else
+        result = f(taken<P>(given, result)...);
       return answer(result);
     }(std::type_identity<decltype(std::function{f})>{});
   };
@@ -137,9 +141,12 @@ Outcome begun(Outcome sound, Opaque* memory, std::size_t size, F&& f) {
   if (!sound) return sound;
   auto* made = Held<Opaque>::make(memory, size);
   if (made == nullptr) return kTooSmall;
-  const Outcome outcome = f(*made);
-  if (!outcome) made->mark = 0;
-  return outcome;
+  if constexpr (std::is_void_v<decltype(f(*made))>)
+    f(*made);
+  else
+    sound = f(*made);
+  if (!sound) made->mark = 0;
+  return sound;
 }
 
 /// Checks count and columns of a knowledge. @return no_such_part, and the invalid column's number

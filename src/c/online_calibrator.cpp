@@ -12,7 +12,7 @@ using Pupil = Held<truepose_online_calibrator>;
 
 namespace {
 /// Size of the memory in numbers: ξ̂, S, rollback state and work space.
-std::size_t memory(const Robot& robot, std::int32_t count) {
+std::size_t memory_of(const Robot& robot, std::int32_t count) {
   const std::size_t p = static_cast<std::size_t>(count);
   return static_cast<std::size_t>(parameter_count(robot)) + p * p +
          static_cast<std::size_t>(online_kept(count)) +
@@ -39,76 +39,70 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
 }  // namespace
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 truepose_estimate_result truepose_estimate(const truepose_model* model,
                                            const truepose_knowledge* known,
                                            const truepose_real* q_e, truepose_real* work,
                                            truepose_real* x) {
-  return c::with(model, c::Both{x})([&](const Robot& robot, Coordinates& found) {
-    const c::Known by(robot, known, work);
+  return with(model, Both{x})([&](const Robot& robot, Coordinates& found) {
+    const Known by(robot, known, work);
     if (!by.sound) return Estimate{by.sound};
     if (!by.weighing) return Estimate{{Status::not_measured}};
     Pose pose = to_pose(robot.mobility, found);
     const Estimate result =
-        estimate(level_of(robot), robot, by.knowledge, c::in<Extended>(q_e), pose, work);
+        estimate(level_of(robot), robot, by.knowledge, in<Extended>(q_e), pose, work);
     found = to_coordinates(robot.mobility, pose);
     return result;
   });
 }
 
-size_t truepose_online_calibrator_size(void) { return sizeof(c::Pupil); }
+size_t truepose_online_calibrator_size(void) { return sizeof(Pupil); }
 
 size_t truepose_online_calibrator_memory(const truepose_model* drawn, int32_t count) {
-  const Robot* robot = c::held(drawn);
-  return robot && count >= 1 ? c::memory(*robot, count) : 0;
+  const Robot* robot = held(drawn);
+  return robot && count >= 1 ? memory_of(*robot, count) : 0;
 }
 
 truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* learner, size_t size,
                                                  const truepose_model* drawn,
                                                  const truepose_knowledge* prior,
                                                  truepose_real* memory, size_t count) {
-  return c::with(drawn)([&](const Robot& robot) {
-    return c::begun({}, learner, size, [&](c::Pupil& made) {
-      const bool fits = prior->count < 1 || count >= c::memory(robot, prior->count);
-      return fits ? c::begin(robot, *prior, memory, made.learner) : c::kTooSmall;
+  return with(drawn)([&](const Robot& robot) {
+    return begun({}, learner, size, [&](Pupil& made) {
+      const bool fits = prior->count < 1 || count >= memory_of(robot, prior->count);
+      return fits ? begin(robot, *prior, memory, made.learner) : kTooSmall;
     });
   });
 }
 
 truepose_outcome truepose_online_calibrator_step(truepose_online_calibrator* learner,
                                                  const truepose_real* q_e) {
-  return c::with(learner)(
-      [&](c::Pupil& of) { return calibrate_online(of.learner, c::in<Extended>(q_e)); });
+  return with(learner)([&](Pupil& of) { return calibrate_online(of.learner, in<Extended>(q_e)); });
 }
 
 truepose_outcome truepose_online_calibrator_samples(const truepose_online_calibrator* learner,
                                                     int64_t* learnt, int64_t* left_out) {
-  return c::with(learner)([&](const c::Pupil& of) {
+  return with(learner)([&](const Pupil& of) {
     *learnt = of.learner.lines;
     *left_out = of.learner.left_out;
-    return Outcome{};
   });
 }
 
 truepose_outcome truepose_online_calibrator_roll_back(truepose_online_calibrator* learner) {
-  return c::with(learner)([](c::Pupil& of) { return roll_back(of.learner); });
+  return with(learner)([](Pupil& of) { return roll_back(of.learner); });
 }
 
 truepose_outcome truepose_online_calibrator_model(const truepose_online_calibrator* learner,
                                                   truepose_model* model, size_t size) {
-  return c::with(learner)([&](const c::Pupil& of) {
-    return c::begun({}, model, size, [&](c::Model& made) {
-      made.robot = of.learner.robot;
-      return Outcome{};
-    });
+  return with(learner)([&](const Pupil& of) {
+    return begun({}, model, size, [&](Model& made) { made.robot = of.learner.robot; });
   });
 }
 
 truepose_outcome truepose_online_calibrator_knowledge(const truepose_online_calibrator* learner,
                                                       truepose_knowledge* known) {
-  return c::with(learner)([&](const c::Pupil& of) {
-    c::out(of.learner.knowledge(), known);
-    return Outcome{};
-  });
+  return with(learner)([&](const Pupil& of) { out(of.learner.knowledge(), known); });
 }
 }

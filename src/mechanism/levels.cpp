@@ -87,13 +87,6 @@ Outcome extended(Level level, const Robot& robot, const Pose& pose, Extended& q_
   return closed(level, robot, pose, [&](const auto& at) { return read(robot, at, q_e); }, rest);
 }
 
-Outcome rkm(Level level, const Robot& robot, const Coordinates& x, Reading& values) {
-  Extended q_e;
-  const Outcome outcome = extended(level, robot, to_pose(robot.mobility, x), q_e);
-  if (outcome) std::copy_n(q_e.begin() + robot.motors, robot.r, values.begin());
-  return outcome;
-}
-
 Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   const Pose pose = to_pose(robot.mobility, x);
   rest.fill(0);

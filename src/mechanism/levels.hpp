@@ -70,9 +70,6 @@ Outcome placed(const Robot& robot, const Pose& pose, Pose& platform);
 Outcome extended(Level level, const Robot& robot, const Pose& pose, Extended& q_e,
                  Parasitic* rest = nullptr);
 
-/// r = RKM(x).
-Outcome rkm(Level level, const Robot& robot, const Coordinates& x, Reading& values);
-
 /// Residual motion at the full level: the platform's turns against the ideal R (about x and y, of a
 /// translation robot about z as well) and each bar's turn against the base, θ + ψ_k.
 Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest);

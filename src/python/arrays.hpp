@@ -38,12 +38,7 @@ template <class T>
 class Owned {
  public:
   explicit Owned(const Shape& shape) : width(numbers({shape.begin() + 1, shape.end()})) {
-    nb::list extents;
-    for (const std::size_t extent : shape) extents.append(extent);
-    constexpr const char* dtype = std::is_same_v<T, bool>  ? "bool"
-                                  : std::is_same_v<T, int> ? "intc"
-                                                           : "double";
-    array_ = numpy("empty")(nb::tuple(extents), dtype);
+    array_ = numpy("empty")(shape, sizeof(T) == 1 ? "bool" : sizeof(T) == 4 ? "intc" : "double");
     data_ = nb::cast<nb::ndarray<T, nb::c_contig, nb::device::cpu>>(array_).data();
   }
 
@@ -71,38 +66,44 @@ inline nb::object owned(const RowMatrix& from) {
   return owned(from,
                {static_cast<std::size_t>(from.rows()), static_cast<std::size_t>(from.cols())});
 }
-nb::object owned(const Frame& from);
 
-/// Copies numbers in the order of their rows; of a fixed capacity the rest is 0.
-/// @return false: too many, or of another shape
-template <class T, std::size_t N>
-bool take(const Numbers<>& from, std::array<T, N>& to) {
-  if (from.size() > N) return false;
-  std::fill(std::copy_n(from.data(), from.size(), to.begin()), to.end(), T{});
-  return true;
+/// A frame's homogeneous matrix by rows, and back.
+inline std::array<double, 16> numbers_of(const Frame& from) {
+  std::array<double, 16> T{};
+  for (int k = 0; k < 12; ++k) T[k] = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
+  T[15] = 1;
+  return T;
 }
-template <class T>
-bool take(const Numbers<>& from, std::vector<T>& to) {
-  to.assign(from.data(), from.data() + from.size());
-  return true;
+inline Frame frame_of(const double* T) {
+  return {{T[3], T[7], T[11]}, Mat3::of(T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10])};
 }
-bool take(const Numbers<>& from, RowMatrix& to);
-bool take(const Numbers<>& from, Frame& to);
+inline nb::object owned(const Frame& from) { return owned(numbers_of(from), {4, 4}); }
 
-/// Whether something is numbers for numpy, and all of them are taken.
+/// Whether something is numbers for numpy, and all of them are taken in the order of their rows; of
+/// a fixed capacity the rest is 0.
 template <class Array>
 bool taken(nb::handle from, Array& to) noexcept {
   try {
-    return !from.is_none() &&
-           take(nb::cast<Numbers<>>(numpy("ascontiguousarray")(from, "double")), to);
+    if (from.is_none()) return false;
+    const auto given = nb::cast<Numbers<>>(numpy("ascontiguousarray")(from, "double"));
+    const std::size_t size = given.size();
+    if constexpr (std::is_same_v<Array, RowMatrix>) {
+      if (given.ndim() != 2) return false;
+      to = {static_cast<int>(given.shape(0)), static_cast<int>(given.shape(1)), given.data()};
+    } else if constexpr (std::is_same_v<Array, Frame>) {
+      if (size != 16) return false;
+      to = frame_of(given.data());
+    } else if constexpr (requires { to.resize(size); }) {
+      to.assign(given.data(), given.data() + size);
+    } else {
+      if (size > to.size()) return false;
+      to.fill({});
+      std::copy_n(given.data(), size, to.begin());
+    }
+    return true;
   } catch (const std::exception&) {
     return false;
   }
-}
-
-/// The frame of a homogeneous matrix by rows.
-inline Frame frame_of(const double* T) {
-  return {{T[3], T[7], T[11]}, Mat3::of(T[0], T[1], T[2], T[4], T[5], T[6], T[8], T[9], T[10])};
 }
 }  // namespace truepose::python
 
@@ -138,12 +139,16 @@ nb::tuple answered(Outcome outcome, const T&... values) {
   return nb::make_tuple(values..., static_cast<int>(outcome.status), outcome.chain);
 }
 
-/// Row i of an array as one of the core's fixed-capacity vectors.
+/// Row i of an array; its only row is that of all.
+inline const double* at_row(const Rows& rows, std::size_t i) {
+  return rows.data() + (rows.shape(0) == 1 ? 0 : i * rows.shape(1));
+}
+
+/// The same as one of the core's fixed-capacity vectors.
 template <class Vector>
-inline Vector row(const Rows& rows, std::size_t i) {
+Vector row(const Rows& rows, std::size_t i) {
   Vector result{};
-  const std::size_t width = rows.shape(1);
-  std::copy_n(rows.data() + i * width, std::min(width, sizeof result / sizeof(double)),
+  std::copy_n(at_row(rows, i), std::min(rows.shape(1), sizeof result / sizeof(double)),
               result.data());
   return result;
 }
@@ -155,5 +160,4 @@ void bind_rows(nb::module_& module);
 void bind_control(nb::module_& module);
 void bind_simulation(nb::module_& module);
 void bind_calibration(nb::module_& module);
-void bind_safety(nb::module_& module);
 }  // namespace truepose::python

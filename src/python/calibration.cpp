@@ -6,6 +6,8 @@
 
 namespace truepose::python {
 namespace {
+Links links_or_none(Optional<const Links> links) { return links ? **links : Links{}; }
+
 /// @param nuisances  number of the prior's last parameters that are the ideal level's model error
 /// @param registration  first of its unknowns in the prior, or -1
 /// @param links  differences measured between rows
@@ -14,45 +16,40 @@ namespace {
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const Frame& base, const Frame& marker,
-                     int registration, const Links& links, int influences, const Rows& influence,
-                     int loss, double tuning, int iterations, bool full, int referenced) {
-  const std::size_t count = q_e.shape(0);
-  const int n = dof(drawn.mobility);
+                     int registration, Optional<const Links> links, int influences,
+                     const Rows& influence, int loss, double tuning, int iterations, bool full,
+                     int referenced) {
+  RowMatrix x(static_cast<int>(q_e.shape(0)), dof(drawn.mobility));
   CalibrationResult result;
   {
-    nb::gil_scoped_release release;
-    ReadingLog log;
-    log.count = static_cast<int>(count), log.q_e = q_e.data();
-    log.registration = {base, marker}, log.links = links;
-    log.influence = influence.data(), log.referenced = referenced;
-    if (measured.shape(0) > 0) {
-      log.measured = measured.data();
-      log.measured_sigma = measured_sigma.data();
-    }
-    const Knowledge known = prior.view();
-    Signals signals;
-    CalibrationSettings settings;
-    settings.influences = influences, settings.nuisances = nuisances,
-    settings.registration = registration;
-    settings.loss = Loss{loss}, settings.tuning = tuning, settings.iterations = iterations;
-    settings.poll = [&] { signals(); };
-    result = calibrate(level(full), drawn, known, mean, log, settings);
+    const nb::gil_scoped_release release;
+    const ReadingLog log{x.rows(),
+                         q_e.data(),
+                         influence.data(),
+                         measured.shape(0) ? measured.data() : nullptr,
+                         measured_sigma.data(),
+                         {base, marker},
+                         links_or_none(links),
+                         referenced};
+    result =
+        calibrate(level(full), drawn, prior.view(), mean, log,
+                  {influences, nuisances, registration, Loss{loss}, tuning, iterations, Signals{}});
   }
-  RowMatrix x(static_cast<int>(count), n);
   std::vector<int> status;
   for (int i = 0; i < x.rows(); ++i) {
     status.push_back(static_cast<int>(result.status[i]));
-    const bool found = !result.xi.empty() && result.status[i] == Status::ok;
-    const Coordinates at = found ? to_coordinates(drawn.mobility, result.pose[i]) : Coordinates{};
-    for (int k = 0; k < n; ++k) x(i, k) = found ? at[k] : NAN;
+    Coordinates at;
+    at.fill(NAN);
+    if (!result.xi.empty() && status[i] == 0) at = to_coordinates(drawn.mobility, result.pose[i]);
+    std::copy_n(at.begin(), x.cols(), x[i]);
   }
+  const RowMatrix link(static_cast<int>(result.link.size()), 4,
+                       reinterpret_cast<const double*>(result.link.data()));
+  const auto& [start, found] = std::tie(result.start, result.registration);
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, result.xi,
                         result.covariance, x, result.chi2, result.redundancy, result.weight, status,
-                        result.cost, result.start.base, result.start.marker,
-                        result.registration.base, result.registration.marker, result.w,
-                        RowMatrix(static_cast<int>(result.link.size()), 4,
-                                  reinterpret_cast<const double*>(result.link.data())),
-                        result.amount);
+                        result.cost, start.base, start.marker, found.base, found.marker, result.w,
+                        link, result.amount);
 }
 
 /// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
@@ -63,26 +60,22 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
 /// @param influence  as in batch_gain
 auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, const Rows& outside,
                         const Rows& sigma, const Frame& base, const Frame& marker, int first,
-                        const Links& links, bool full, int nuisances,
+                        Optional<const Links> links, bool full, int nuisances,
                         const std::optional<Rows>& influence) {
   VisitRows all;
   Outcome outcome;
   {
-    nb::gil_scoped_release release;
+    const nb::gil_scoped_release release;
     const Registration registration{base, marker};
     std::vector<Visit> visits;
     for (std::size_t i = 0; i < x.shape(0); ++i) {
-      const std::size_t at = i * x.shape(1);
       Outside seen;
-      if (i < outside.shape(0))
-        seen = {outside.data() + at, sigma.data() + (sigma.shape(0) > 1 ? at : 0), &registration,
-                first};
+      if (i < outside.shape(0)) seen = {at_row(outside, i), at_row(sigma, i), &registration, first};
       visits.push_back({to_pose(robot.mobility, row<Coordinates>(x, i)), seen,
-                        influences_at(robot, influence ? &*influence : nullptr, i)});
+                        influences_at(robot, influence, i)});
     }
-    Signals signals;
-    outcome = rows_of_visits(level(full), robot, prior.view(), nuisances, visits, links, all,
-                             [&] { signals(); });
+    outcome = rows_of_visits(level(full), robot, prior.view(), nuisances, visits,
+                             links_or_none(links), all, Signals{});
   }
   return answered(outcome, all.B, all.visit);
 }
@@ -95,8 +88,7 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   const Knowledge knowledge = known.view();
   const auto error_at = [&](const Coordinates& at, std::size_t i, PoseError& error) {
     return pose_error(level(full), robot, knowledge, to_pose(robot.mobility, at),
-                      influences_at(robot, influence ? &*influence : nullptr, i), scratch(0),
-                      error);
+                      influences_at(robot, influence, i), scratch(0), error);
   };
   PoseError there;
   Outcome first;
@@ -105,9 +97,8 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   return batch(
       count, {{n, n}},
       [&](std::size_t i, auto& out) {
-        if (!first) return first;
         PoseError here;
-        const Outcome outcome = error_at(row<Coordinates>(x, i), i, here);
+        const Outcome outcome = first ? error_at(row<Coordinates>(x, i), i, here) : first;
         if (!outcome) return outcome;
         if (relative) {
           here.by_geometry = sum(here.by_geometry, there.by_geometry, -1);
@@ -158,7 +149,7 @@ Links links_of(const RowMatrix& rows, const std::vector<double>& mean, int first
 }  // namespace
 
 void bind_calibration(nb::module_& m) {
-  nb::class_<Links>(m, "Links").def(nb::init<>());
+  nb::class_<Links>(m, "Links");
   m.def("links", &links_of);
   nb::class_<Known>(m, "Knowledge")
       .def(nb::init<const std::vector<int>&, const RowMatrix&, const Extended&>())

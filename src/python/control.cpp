@@ -1,8 +1,10 @@
 // Controllers, fault monitor and limits for Python. No mathematics.
 #include "control/limit_defaults.hpp"
+#include "control/trajectory.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"
+#include "simulation/bus.hpp"
 #include "simulation/simulate.hpp"
 #include "simulation/statics.hpp"
 
@@ -41,13 +43,22 @@ struct Reviewed {
   bool warm;
   Status status;
 };
+}  // namespace
+}  // namespace truepose::python
 
+namespace truepose::c {
+TRUEPOSE_MEMBERS(python::Reviewed, believed, health, symptom, chi2, freedom, doubted, undecided,
+                 warm, status)
+}  // namespace truepose::c
+
+namespace truepose::python {
+namespace {
 /// Processes rows in sequence.
 auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_e) {
   std::vector<Reviewed> rows(q_e.shape(0));
   const Weights weights(setup.robot, &setup.known);
   FaultMonitor monitor;
-  Multirate late = Slow::started(setup.late);
+  Multirate late = started(setup.late);
   const auto next = [&](std::size_t i) {
     Reviewed& now = rows[i];
     late.arrived = arrivals(late.settings, late.cycle);
@@ -63,8 +74,7 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
     now.undecided = monitor.undecided, now.warm = monitor.warm_up.warm;
   };
   for_rows(rows.size(), next, kInOrder);
-  return records(rows, TRUEPOSE_MEMBERS(Reviewed, believed, health, symptom, chi2, freedom, doubted,
-                                        undecided, warm, status));
+  return records(rows);
 }
 /// What setpoints, (N, n) each, need of the motors, and the limits' contradiction with it.
 auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, const Rows& rate,
@@ -80,46 +90,54 @@ auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, c
   return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
 }
 
-/// A controller of an external plant: its state, and with a guard the path's clock.
+/// The controller of an external plant, and with a guard the path's clock.
 struct ExternalControl {
-  Guard* guard;
-  ControlState state;
-  FaultTolerantState fault_state;
-  PathClock clock;
+  Robot robot;
+  ControlSettings settings;
+  Optional<const Known> known;
+  Optional<const FaultTolerantSetup> monitor;  ///< only with a guard
+  Lateness delays;
+  Optional<Guard> given;
 
-  explicit ExternalControl(Optional<Guard> of) : guard(of.value_or(nullptr)) {
-    if (guard) guard->restart();
+  Guard* guard = restarted(given);
+  Multirate late = started(delays.first);
+  Bus bus{delays.second.value_or(MultirateSettings{})};
+  ControlState state{};
+  FaultTolerantState fault_state{};
+  PathClock clock{};
+
+  static Guard* restarted(Optional<Guard> given) {
+    if (given) (*given)->restart();
+    return given.value_or(nullptr);
   }
 
-  /// One cycle. @param frozen  the frame's counter stands still; this and the monitor only with a
-  /// guard
-  auto step(const Robot& robot, const ControlSettings& with, const Coordinates& x,
-            const Coordinates& rate, const Coordinates& acceleration, Extended q_e,
-            Optional<const Known> known, Optional<Slow> slow,
-            Optional<const FaultTolerantSetup> monitor, bool frozen) {
+  /// One cycle of a quintic move. @param q_e  at the sensors @param frozen  the frame's counter
+  /// stands still
+  auto step(const Coordinates& from, const Coordinates& to, double duration, double time,
+            Extended q_e, bool frozen) {
     const FaultTolerantSetup* setup = monitor.value_or(nullptr);
     const Weights own(setup ? setup->robot : robot,
                       setup ? &setup->known : known.value_or(nullptr));
-    Multirate* late = slow && (*slow)->known_late ? &(*slow)->late : nullptr;
     Weighing weighing = own;
-    if (late && !setup) weighing = compensated(robot, own, *late, (*slow)->known, q_e);
-    const Setpoint setpoint{x, rate, acceleration};
-    if (!guard) return answered(control(robot, with, setpoint, q_e, state, weighing));
+    Knowledge present;
+    late.arrived = bus.deliver(robot.motors, q_e);
+    if (delays.first && !setup) weighing = compensated(robot, own, late, present, q_e);
+    const Setpoint setpoint = quintic(robot.mobility, from, to, duration, time);
+    if (!guard) return answered(control(robot, settings, setpoint, q_e, state, weighing));
     Monitored monitored;
-    if (setup) monitored = {&setup->settings, &fault_state, late};
+    if (setup) monitored = {&setup->settings, &fault_state, delays.first ? &late : nullptr};
     if (!frozen) ++guard->frame;
-    const Outcome outcome = control_guarded(robot, with, clock.paced(setpoint), q_e, state, *guard,
-                                            weighing, monitored);
+    const Outcome outcome = control_guarded(robot, settings, clock.paced(setpoint), q_e, state,
+                                            *guard, weighing, monitored);
     if (!guard->report().follows) clock.rate = 0;
-    clock.advance(with.period, guard->report().path_stop);
+    clock.advance(settings.period, guard->report().path_stop);
     return answered(outcome);
   }
 };
 }  // namespace
 
-void bind_control(nb::module_& m) { m.def("settle", &settled); }
-
-void bind_safety(nb::module_& m) {
+void bind_control(nb::module_& m) {
+  m.def("settle", &settled);
   nb::class_<Supervisor>(m, "Supervisor");  // of packages
   nb::class_<Guard>(m, "Guard");
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
@@ -144,7 +162,9 @@ void bind_safety(nb::module_& m) {
           return answered(outcome, distance);
         });
   nb::class_<ExternalControl>(m, "ExternalControl")
-      .def(nb::init<Optional<Guard>>(), nb::keep_alive<1, 2>())
+      .def(nb::init<const Robot&, const ControlSettings&, Optional<const Known>,
+                    Optional<const FaultTolerantSetup>, const Lateness&, Optional<Guard>>(),
+           nb::keep_alive<1, 4>(), nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>())
       .def("step", &ExternalControl::step)
       .def("starts", [](ExternalControl& own, int cycle) { return own.guard->begins(cycle); })
       .def("begin", [](ExternalControl& own) { own.clock = {}; })

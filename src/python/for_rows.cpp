@@ -10,24 +10,6 @@
 #endif
 
 namespace truepose::python {
-bool take(const Numbers<>& from, RowMatrix& to) {
-  const bool flat = from.ndim() == 2;
-  if (flat) to = {static_cast<int>(from.shape(0)), static_cast<int>(from.shape(1)), from.data()};
-  return flat;
-}
-
-bool take(const Numbers<>& from, Frame& to) {
-  const bool homogeneous = from.size() == 16;
-  if (homogeneous) to = frame_of(from.data());
-  return homogeneous;
-}
-
-nb::object owned(const Frame& from) {
-  RowMatrix T = RowMatrix::identity(4);
-  for (int k = 0; k < 12; ++k) T(k / 4, k % 4) = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
-  return owned(T);
-}
-
 namespace {
 /// Number of cores for this process: fewer than the machine has under taskset or in a container.
 std::size_t available_cores() {
@@ -67,7 +49,7 @@ void for_rows(std::size_t count, const std::function<void(std::size_t)>& f,
 }
 
 nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
-                const std::function<Outcome(std::size_t, const std::vector<double*>&)>& f,
+                const std::function<Outcome(std::size_t, const Results&)>& f,
                 std::size_t rows_per_thread) {
   std::vector<Owned<double>> arrays;
   for (Shape shape : shapes) {
@@ -78,11 +60,11 @@ nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
   for_rows(
       count,
       [&](std::size_t i) {
-        std::vector<double*> out;
-        for (Owned<double>& array : arrays) out.push_back(array[i]);
+        Results out;
+        for (std::size_t m = 0; m < arrays.size(); ++m) out[m] = arrays[m][i];
         const Outcome outcome = f(i, out);
         *status[i] = static_cast<int>(outcome.status), *chain[i] = outcome.chain;
-        for (std::size_t m = 0; m < out.size() && !outcome; ++m)
+        for (std::size_t m = 0; m < arrays.size() && !outcome; ++m)
           std::fill_n(out[m], arrays[m].width, NAN);
       },
       rows_per_thread);

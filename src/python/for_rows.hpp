@@ -55,9 +55,12 @@ inline std::vector<double>& scratch(std::size_t size) {
   return work;
 }
 
+/// A row's place in each result.
+using Results = std::array<double*, 8>;
+
 /// Calls f(i, out) for each row i < count, out[m] the row of the m-th array, and collects the
 /// arrays, each of a row's `shapes`, and the outcomes. Without an answer a row is NaN.
 nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
-                const std::function<Outcome(std::size_t, const std::vector<double*>&)>& f,
+                const std::function<Outcome(std::size_t, const Results&)>& f,
                 std::size_t rows_per_thread = kRowsPerThread);
 }  // namespace truepose::python

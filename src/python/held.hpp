@@ -10,7 +10,6 @@
 #include "control/fault_tolerant_control.hpp"
 #include "estimation/online_calibrator.hpp"
 #include "python/arrays.hpp"
-#include "simulation/bus.hpp"
 
 namespace truepose::python {
 /// A Python object, or None.
@@ -33,10 +32,10 @@ struct Known {
 };
 
 /// Influences at pose i: none, or row i of (N, (m + r) × count).
-inline Influences influences_at(const Robot& robot, const Rows* influence, std::size_t i) {
-  if (influence == nullptr) return {};
-  const std::size_t width = influence->shape(1);
-  return {static_cast<int>(width) / readings(robot), influence->data() + i * width};
+inline Influences influences_at(const Robot& robot, const std::optional<Rows>& influence,
+                                std::size_t i) {
+  if (!influence) return {};
+  return {static_cast<int>(influence->shape(1)) / readings(robot), at_row(*influence, i)};
 }
 
 /// Knowledge and work space of one thread for weighted laws; none without knowledge.
@@ -63,31 +62,13 @@ using Delays = std::optional<MultirateSettings>;
 /// Delayed sensors as the controller models them, and the true ones.
 using Lateness = std::pair<Delays, Delays>;
 
-/// Multirate and delayed sensors of an external plant: bus and state.
-struct Slow {
+/// Slow and delayed sensors at their start. Without settings none is. @throws std::invalid_argument
+inline Multirate started(const Delays& settings) {
   Multirate late;
-  Bus bus;
-  bool known_late;
-  Knowledge known;
-
-  /// Without settings the controller models no delays. @throws std::invalid_argument
-  static Multirate started(const Delays& settings) {
-    Multirate late;
-    if (settings && !start(*settings, late))
-      throw std::invalid_argument("period or age of a sensor: too long");
-    return late;
-  }
-  explicit Slow(const Lateness& lateness)
-      : late(started(lateness.first)),
-        bus(lateness.second.value_or(MultirateSettings{})),
-        known_late(lateness.first) {}
-
-  /// Converts sensor readings to those of the controller, (n + r,). Call it once per cycle.
-  Extended deliver(int motors, Extended q_e) {
-    late.arrived = bus.deliver(motors, q_e);
-    return q_e;
-  }
-};
+  if (settings && !start(*settings, late))
+    throw std::invalid_argument("period or age of a sensor: too long");
+  return late;
+}
 
 /// Settings of the fault monitor: the robot at its highest level, and the knowledge of it.
 struct FaultTolerantSetup {

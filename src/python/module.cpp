@@ -8,24 +8,25 @@ NB_MODULE(_core, m) {
   using namespace truepose;
   m.doc() = "truepose's real-time core. Use the truepose package; this is its engine.";
   nb::set_leak_warnings(false);  // an interpreter may end with robots alive
-  m.attr("max_motors") = kMaxMotors;
-  m.attr("max_sensors") = kMaxSensors;
-  m.attr("max_readings") = kMaxReadings;
-  m.attr("max_bars") = kMaxBars;
-  m.attr("max_axes") = kMaxAxes;
-  m.attr("max_bodies") = engine::kBodies;
-  m.attr("max_freedoms") = engine::kFreedoms;
-  m.attr("max_closures") = engine::kClosures;
-  m.attr("max_unknowns") = kMaxUnknowns;
-  m.attr("most_late") = kMostLate;
-  m.attr("oldest") = kOldest;
-  m.attr("slowest") = kSlowest;
-  for (const auto& [name, status] : {std::pair{"joint_limit", Status::joint_limit},
-                                     {"not_converged", Status::not_converged},
-                                     {"singular", Status::singular},
-                                     {"near_singular", Status::near_singular},
-                                     {"unreachable", Status::unreachable}})
-    m.attr(name) = static_cast<int>(status);
+  const auto status = [](Status of) { return static_cast<int>(of); };
+  for (const auto& [name, number] : {std::pair<const char*, int>{"max_motors", kMaxMotors},
+                                     {"max_sensors", kMaxSensors},
+                                     {"max_readings", kMaxReadings},
+                                     {"max_bars", kMaxBars},
+                                     {"max_axes", kMaxAxes},
+                                     {"max_bodies", engine::kBodies},
+                                     {"max_freedoms", engine::kFreedoms},
+                                     {"max_closures", engine::kClosures},
+                                     {"max_unknowns", kMaxUnknowns},
+                                     {"most_late", kMostLate},
+                                     {"oldest", kOldest},
+                                     {"slowest", kSlowest},
+                                     {"joint_limit", status(Status::joint_limit)},
+                                     {"not_converged", status(Status::not_converged)},
+                                     {"singular", status(Status::singular)},
+                                     {"near_singular", status(Status::near_singular)},
+                                     {"unreachable", status(Status::unreachable)}})
+    m.attr(name) = number;
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   m.def("stop", [](int more) { python::stopping += more; });
   python::bind_structs(m);
@@ -33,5 +34,4 @@ NB_MODULE(_core, m) {
   python::bind_calibration(m);
   python::bind_control(m);
   python::bind_simulation(m);
-  python::bind_safety(m);
 }

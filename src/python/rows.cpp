@@ -6,7 +6,6 @@
 #include "calibration/calibrate.hpp"
 #include "control/command.hpp"
 #include "control/fastest.hpp"
-#include "control/trajectory.hpp"
 #include "mechanism/angles_of.hpp"
 #include "mechanism/gyro.hpp"
 #include "python/for_rows.hpp"
@@ -17,100 +16,91 @@
 
 namespace truepose::python {
 namespace {
-/// What all rows of a call have in common.
-struct Common {
+/// Arguments of a function over rows, of each kind in Python's order. None counts as not given.
+struct Call {
   const Robot* robot = nullptr;
   const Known* known = nullptr;
-  int n = 0, m = 0, e = 0;     ///< freedoms, motors, readings
-  Level level = Level::ideal;  ///< the first flag
+  std::vector<Rows> in;        ///< (N, width); one row where Python gives a vector
+  std::vector<double> number;  ///< flags too; 0 where Python gives no more
+  std::vector<Shape> shapes;   ///< of the results' rows
 };
 
-/// Arguments of a function over rows, of each kind in Python's order. None counts as not given.
-struct Call : Common {
-  std::vector<Rows> in;  ///< (N, width); one row where Python gives a vector
-  std::vector<bool> flag;
-  std::vector<double> number;
-  std::vector<Shape> shapes;  ///< of the results' rows
-};
-
-/// One row of a call.
-struct Row : Common {
+/// One row of a call, and how many of its arrays, numbers and results are already taken.
+struct Row {
   const Call& call;
   std::size_t i;
-  const std::vector<double*>& out;
+  const Results& out;
+  std::size_t in = 0, number = 0, results = 0;
 
   template <class Vector>
-  Vector of(std::size_t k) const {
-    const Rows& rows = call.in[k];
-    return row<Vector>(rows, rows.shape(0) == 1 ? 0 : i);
+  Vector next() {
+    return row<Vector>(call.in[in++], i);
   }
-  Coordinates x(std::size_t k = 0) const { return of<Coordinates>(k); }
-  Pose pose(std::size_t k = 0) const { return to_pose(robot->mobility, x(k)); }
-  Mat3 rotation(std::size_t k) const { return of<Mat3>(k).transpose(); }
-  double* work() const { return scratch(estimate_work(*robot, known->view().count)).data(); }
-  /// Writes the results: numbers, vectors, whole matrices, or the used parts of those; a pointer
-  /// is of one that is already there.
-  template <class... Values>
-  Outcome give(Outcome outcome, const Values&... values) const {
-    std::size_t m = 0;
-    (write(m++, values), ...);
-    return outcome;
-  }
-  template <class Values>
-  void write(std::size_t m, const Values& values) const {
-    const Shape& shape = call.shapes[m];
-    double* to = out[m];
-    if constexpr (std::is_same_v<Values, double>) {
-      *to = values;
-    } else if constexpr (requires { values[0][0]; }) {
+
+  /// Writes a number, a vector, a matrix, or the used parts of those.
+  template <class Value>
+  void write(const Value& value) {
+    const Shape& shape = call.shapes[results];
+    double* to = out[results++];
+    if constexpr (requires { double{*value[0].begin()}; })
       for (std::size_t line = 0; line < shape[0]; ++line)
-        to = std::copy_n(values[line].begin(), shape[1], to);
-    } else if constexpr (!std::is_pointer_v<Values>) {
-      std::copy_n(values.data(), numbers(shape), to);
-    }
+        to = std::copy_n(value[line].begin(), shape[1], to);
+    else
+      std::copy_n(reinterpret_cast<const double*>(&value), numbers(shape), to);
   }
+  void write(const Mat3& R) { write(std::array{R.transpose()}); }
+  void write(const Frame& frame) { write(numbers_of(frame)); }
 };
 
-/// How many of a row's arrays and numbers the parameters so far have taken.
-struct Taken {
-  std::size_t in = 0, number = 0;
-};
-
-/// What a parameter of type P of a core function is at a row: the robot, the level, the next
-/// array's row, as a pose of it, the next number, or room for a result.
+/// What a parameter of type P of a core function is at a row: what all rows have in common, the
+/// next number, the next array's row, as a pose, rotation or frame of it, or room for a result.
 template <class P, class T = std::remove_cvref_t<P>>
-decltype(auto) argument(const Row& r, Taken& taken) {
+decltype(auto) argument(Row& r) {
   if constexpr (std::is_same_v<T, Robot>)
-    return *r.robot;
-  else if constexpr (std::is_same_v<T, Level>)
-    return Level{r.level};
+    return *r.call.robot;
+  else if constexpr (std::is_same_v<T, Knowledge>)
+    return r.call.known->view();
+  else if constexpr (std::is_same_v<T, double*>)
+    return T{r.out[r.results++]};
   else if constexpr (std::is_same_v<P, T&>)
     return T{};
-  else if constexpr (std::is_same_v<T, double>)
-    return double{r.call.number[taken.number++]};
+  else if constexpr (std::is_enum_v<T> || std::is_arithmetic_v<T>)
+    return static_cast<T>(r.number < r.call.number.size() ? r.call.number[r.number++] : 0);
   else if constexpr (std::is_same_v<T, Pose>)
-    return r.pose(taken.in++);
+    return to_pose(r.call.robot->mobility, r.next<Coordinates>());
+  else if constexpr (std::is_same_v<T, Mat3>)
+    return r.next<Mat3>().transpose();
+  else if constexpr (std::is_same_v<T, Frame>)
+    return frame_of(r.next<std::array<double, 16>>().data());
+  else if constexpr (std::is_same_v<T, Influences>)
+    return r.in < r.call.in.size() ? influences_at(*r.call.robot, r.call.in[r.in++], r.i) : T{};
   else
-    return r.of<T>(taken.in++);
+    return r.next<T>();
 }
 
-/// A core function by its parameters' types: constant ones are taken, the others are its results.
+/// A core function by its parameters' types. Those it writes to are its results, and so are what it
+/// returns, and the rest of a tuple with an outcome.
 template <auto f>
-Outcome of(const Row& r) {
+Outcome of(Row r) {
   return [&]<class R, class... P>(R (*)(P...)) {
-    Taken taken;
-    std::tuple<decltype(argument<P>(r, taken))...> all{argument<P>(r, taken)...};
+    std::tuple<decltype(argument<P>(r))...> all{argument<P>(r)...};
     Outcome outcome;
-    if constexpr (std::is_void_v<R>)
+    const auto write = [&](Outcome returned, const auto&... results) {
+      outcome = returned;
+      (r.write(results), ...);
+    };
+    if constexpr (requires(R returned) { std::get<Outcome>(returned); })
+      std::apply(write, std::apply(f, all));
+    else if constexpr (std::is_convertible_v<R, Outcome>)
+      outcome = std::apply(f, all);
+    else if constexpr (std::is_void_v<R>)
       std::apply(f, all);
     else
-      outcome = std::apply(f, all);
-    std::size_t m = 0;
-    const auto write = [&]<class Each>(const std::remove_reference_t<Each>& value) {
-      if constexpr (!std::is_const_v<std::remove_reference_t<Each>> && std::is_reference_v<Each>)
-        r.write(m++, value);
+      r.write(std::apply(f, all));
+    const auto each = [&]<class Each>(const std::remove_reference_t<Each>& value) {
+      if constexpr (std::is_same_v<Each, std::remove_cvref_t<Each>&>) r.write(value);
     };
-    std::apply([&](const auto&... each) { (write.template operator()<P>(each), ...); }, all);
+    std::apply([&](const auto&... value) { (each.template operator()<P>(value), ...); }, all);
     return outcome;
   }(+f);
 }
@@ -121,31 +111,28 @@ constexpr auto at_level(Outcome (*f)(Level, const Robot&, const X&, Result&)) {
   return f;
 }
 
-/// A function. `shapes` of its results' rows, a word each: n freedoms, m motors, e readings, r
-/// sensors, p parameters, d = 2 m, h hidden motions, b bodies, l closures, g of a
-/// registration; - a number.
+/// A function. `shapes` of its results' rows, a word each: n freedoms, m motors, e readings,
+/// p parameters, d = 2 m, h hidden motions, b bodies, l closures, g of a registration; - a number.
 struct RowFunction {
   const char* name;
   const char* shapes;
-  Outcome (*at)(const Row&);
+  Outcome (*at)(Row);
   std::size_t rows_per_thread = kRowsPerThread;
-  std::size_t over = 0;  ///< which array's rows they are
 };
 
 const RowFunction kFunctions[] = {
     // Kinematics: (robot, x, full)
-    {"ikm", "m",
-     [](const Row& r) {
-       const bool own_mode = r.call.flag.size() > 1 && r.call.flag[1];  // as valid for commands
-       Joint q{};
-       return r.give(
-           own_mode ? command(r.level, *r.robot, r.x(), q) : ikm(r.level, *r.robot, r.x(), q), q);
-     }},
-    {"rkm", "r", of<at_level(rkm)>},
+    {"ikm", "m",  // own_mode: as valid for commands
+     of<[](Level level, const Robot& robot, Coordinates x, bool own_mode, Joint& q) {
+       return own_mode ? command(level, robot, x, q) : ikm(level, robot, x, q);
+     }>},
+    {"extended", "e", of<[](Level level, const Robot& robot, Pose x, Extended& q_e) {
+       return extended(level, robot, x, q_e);
+     }>},
     {"fkm", "n",
-     of<[](Level level, const Robot& robot, const Joint& q, const Coordinates& guess,
+     of<[](Level level, const Robot& robot, const Joint& q, const Coordinates& near,
            Coordinates& x) {
-       x = guess;
+       x = near;
        return fkm(level, robot, q, x);
      }>},
     {"parasitic", "h", of<parasitic>},
@@ -154,77 +141,62 @@ const RowFunction kFunctions[] = {
     {"redundant_fkm", "n",
      of<static_cast<Outcome (*)(const Robot&, const Extended&, Coordinates&)>(redundant_fkm)>},
     {"tej", "em me",
-     of<[](const Robot& robot, const Coordinates& x, double band, ExtendedColumns& M,
+     of<[](const Robot& robot, Coordinates x, double band, ExtendedColumns& M,
            ExtendedRows& M_plus) { return tej(robot, x, M, M_plus, band); }>},
     {"conditioning", "- m", of<conditioning>},  // type 2, then type 1 of each chain
-    {"linearise", "en ep",                      // H_x = [J⁻¹; J_r], and H_ξ in the core's own order
-     [](const Row& r) {
+    {"linearise", "ep en",                      // H_ξ in the core's own order, H_x = [J⁻¹; J_r]
+     of<[](Level level, const Robot& robot, Pose x, double* H_xi, PoseRows& H_x) {
        Extended q_e;
-       PoseRows H_x;
-       return r.give(linearise(r.level, *r.robot, r.pose(), q_e, H_x, r.out[1]), H_x, r.out[1]);
-     }},
+       return linearise(level, robot, x, q_e, H_x, H_xi);
+     }>},
     // (robot, x, compliance, arms, force (N, 3), measured tension (N, m) or NaN, full): readings,
     // their derivatives by the compliances of every chain and then of every arm, tensions
     {"under_load", "e ed m",
-     [](const Row& r) {
-       const Load load{r.of<Vec3>(3), r.of<Joint>(4)};
-       double* H_xi = scratch(r.e * parameter_count(*r.robot)).data();
+     of<[](Level level, const Robot& robot, Pose x, Joint compliance, Joint arms, Vec3 force,
+           Joint tension) {
+       double* H_xi = scratch(readings(robot) * parameter_count(robot)).data();
        UnderLoad at;
-       return r.give(
-           under_load(r.level, *r.robot, r.pose(), r.of<Joint>(1), r.of<Joint>(2), load, H_xi, at),
-           at.q_e, at.by_compliance, at.tension);
-     }},
+       const Outcome outcome =
+           under_load(level, robot, x, compliance, arms, {force, tension}, H_xi, at);
+       return std::tuple(outcome, at.q_e, at.by_compliance, at.tension);
+     }>},
     {"skeleton", "m43",  // points P, B, A and c of every chain, for drawings
-     [](const Row& r) {
-       Closure closure;
-       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
-       double* to = r.out[0];
-       for (int k = 0; k < r.m && outcome; ++k) {
-         const Vec3 P = r.robot->chain[k].base, B = P + closure.chain[k].p;
-         for (const Vec3& point :
-              {P, B, B - closure.chain[k].v, closure.placed().D + closure.chain[k].lever})
-           to = std::copy_n(point.data(), 3, to);
+     of<[](const Robot& robot, Pose x) {
+       Closure at;
+       const Outcome outcome = ikm(robot, x, at);
+       std::array<std::array<Vec3, 4>, kMaxChains> points;
+       for (int k = 0; k < at.motors; ++k) {
+         const Vec3 P = robot.chain[k].base, B = P + at.chain[k].p;
+         points[k] = {P, B, B - at.chain[k].v, at.placed().D + at.chain[k].lever};
        }
-       return outcome;
-     }},
-    {"bodies", "b43 l23",  // of a mechanism: origin and axes of its bodies, ends of its closures
-     [](const Row& r) {
+       return std::tuple(outcome, points);
+     }>},
+    {"bodies", "b43 l3 l3",  // of a mechanism: origin and axes of its bodies, ends of its closures
+     of<[](const Robot& robot, Pose x) {
        FullClosure closure;
-       const Outcome outcome = ikm(*r.robot, r.pose(), closure);
-       const engine::Mechanism& m = closure.built.mechanism;
-       double *body = r.out[0], *end = r.out[1];
-       for (int b = 0; b < m.bodies && outcome; ++b) {
-         body = std::copy_n(closure.at.frame[b].p.data(), 3, body);
-         body = std::copy_n(closure.at.frame[b].R.data(), 9, body);
+       const Outcome outcome = ikm(robot, x, closure);
+       std::array<std::array<Vec3, 4>, engine::kBodies> bodies;
+       for (int b = 0; b < engine::kBodies; ++b) {
+         const auto& [p, R, twist] = closure.at.frame[b];
+         bodies[b] = {p, R.col(0), R.col(1), R.col(2)};
        }
-       for (int i = 0; i < m.closures && outcome; ++i)
-         for (const Vec3& point : {closure.at.A[i], closure.at.B[i]})
-           end = std::copy_n(point.data(), 3, end);
-       return Outcome{outcome};
-     }},
+       return std::tuple(outcome, bodies, closure.at.A, closure.at.B);
+     }>},
     {"fastest", "e", of<fastest>},
     // Orientations
-    {"rotations", "33",
-     of<[](const Vec3& vector, Mat3& columns) { columns = exp_so3(vector).transpose(); }>},
-    {"rotation_vectors", "3",
-     of<[](const Mat3& columns, Vec3& vector) { vector = log_so3(columns.transpose()); }>},
+    {"rotations", "33", of<exp_so3>},
+    {"rotation_vectors", "3", of<log_so3>},
     {"frames", "44",  // (robot, x, tilt (N, 3): rotation not in x; with a θ, about x, y)
-     [](const Row& r) {
-       Pose pose;
-       const Outcome outcome = placed(*r.robot, r.pose(), pose);
-       Vec3 turn = r.of<Vec3>(1);
-       if (turns_about_z(r.robot->mobility)) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
-       const Mat3 R = exp_so3(turn) * pose.R;
-       for (int k = 0; k < 16; ++k) {
-         const int line = k / 4, column = k % 4;
-         r.out[0][k] = line == 3 ? column == 3 : column == 3 ? pose.D[line] : R(line, column);
-       }
-       return outcome;
-     }},
+     of<[](const Robot& robot, Pose x, Vec3 tilt) {
+       const Outcome outcome = placed(robot, x, x);
+       if (turns_about_z(robot.mobility)) tilt = tilt_keeping(x.theta, tilt.x(), tilt.y());
+       return std::tuple(outcome, Frame{x.D, exp_so3(tilt) * x.R});
+     }>},
     {"coordinates", "n",  // next to home
-     of<[](const Robot& robot, const Vec3& D, const Mat3& columns, Coordinates& x) {
-       x.fill(NAN);
-       x = coordinates_of(robot, {D, columns.transpose(), 0}, x);
+     of<[](const Robot& robot, Vec3 D, Mat3 R) {
+       Coordinates unknown;
+       unknown.fill(NAN);
+       return coordinates_of(robot, {D, R, 0}, unknown);
      }>},
     // Dynamics
     {"mass_matrix", "nn", of<mass_matrix>},
@@ -232,95 +204,87 @@ const RowFunction kFunctions[] = {
      of<static_cast<Outcome (*)(const Robot&, const Pose&, const Coordinates&, const Coordinates&,
                                 Joint&)>(inverse_dynamics)>},
     {"acceleration", "n", of<forward_dynamics>},
-    {"setpoint", "n n n",  // of a straight quintic move
-     of<[](const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
-           double time, Coordinates& x, Coordinates& rate, Coordinates& acceleration) {
-       const Setpoint at = quintic(robot.mobility, from, to, duration, time);
-       x = at.x, rate = at.rate, acceleration = at.acceleration;
-     }>},
     {"advance", "n n",  // of the reduced model
-     of<[](const Robot& robot, const Pose& x, const Coordinates& rate, const Joint& torque,
-           double duration, double steps, Coordinates& to, Coordinates& fast) {
+     of<[](const Robot& robot, Pose x, Coordinates rate, Joint torque, double duration, int steps) {
        PlantState state{x, rate};
-       const Outcome outcome = advance(robot, torque, duration, static_cast<int>(steps), state);
-       to = to_coordinates(robot.mobility, state.pose), fast = state.rate;
-       return outcome;
+       const Outcome outcome = advance(robot, torque, duration, steps, state);
+       return std::tuple(outcome, to_coordinates(robot.mobility, state.pose), state.rate);
      }>},
     // Readings and what is known: (robot, known, …)
     {"innovation", "e",
      of<static_cast<void (*)(const Robot&, const Extended&, const Extended&, Extended&)>(
          innovation)>},  // q_e less expected, without whole turns of a joint
-    {"leakage", "ne",    // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
-     [](const Row& r) {
-       const Weights weights(*r.robot, r.known);
+    {"readings", "e",    // exact readings of a mechanism at a pose with these motors and arms
+     of<[](const Robot& robot, Frame at, decltype(FullPose::psi) psi, double theta, Joint motor,
+           Joint arm, Extended& q_e) {
+       return read_standing(robot, {{at.t, at.R, theta}, psi}, motor, arm, q_e);
+     }>},
+    {"leakage", "ne",  // (robot, law, known, x): ∂x/∂q_e of the steady-state pose
+     [](Row r) {
        PoseColumns leak{};
-       const Law law{static_cast<int>(r.call.number[0])};
-       return r.give(leakage(*r.robot, law, r.x(), leak, weights), leak);
+       const Law law = argument<Law>(r);
+       const Outcome outcome = leakage(*r.call.robot, law, r.next<Coordinates>(), leak,
+                                       Weights(*r.call.robot, r.call.known));
+       r.write(leak);
+       return outcome;
      }},
     {"estimate", "n nn -",  // (robot, known, q_e, guess, full)
-     [](const Row& r) {
-       Pose pose = r.pose(1);
-       const Estimate found =
-           estimate(r.level, *r.robot, r.known->view(), r.of<Extended>(0), pose, r.work());
-       return r.give(found.outcome, to_coordinates(r.robot->mobility, pose), found.covariance,
-                     found.chi2);
-     },
+     of<[](Level level, const Robot& robot, const Knowledge& known, Extended q_e, Pose x) {
+       double* work = scratch(estimate_work(robot, known.count)).data();
+       const Estimate found = estimate(level, robot, known, q_e, x, work);
+       return std::tuple(found.outcome, to_coordinates(robot.mobility, x), found.covariance,
+                         found.chi2);
+     }>,
      kFewRowsPerThread},
     // (robot, known, x, full, influence (N, e × count)), whose amounts are the last entries of the
     // knowledge: sensitivity of x to each reading's error; weighted TEJ
     {"gain", "ne me",
-     [](const Row& r) {
-       double* work = r.work();
-       Fused fusion;
-       const Rows* influence = r.call.in.size() > 1 ? &r.call.in[1] : nullptr;
-       return r.give(fused(r.level, *r.robot, r.known->view(), r.pose(),
-                           influences_at(*r.robot, influence, r.i), work,
-                           work + r.e * parameter_count(*r.robot), fusion),
-                     fusion.gain, fusion.tej);
-     },
+     of<[](Level level, const Robot& robot, const Knowledge& known, Pose x, Influences acting) {
+       double* work = scratch(estimate_work(robot, known.count)).data();
+       Fused at;
+       const Outcome outcome = fused(level, robot, known, x, acting, work,
+                                     work + readings(robot) * parameter_count(robot), at);
+       return std::tuple(outcome, at.gain, at.tej);
+     }>,
      kFewRowsPerThread},
     // (robot, base, marker, x, measured): expected tracker coordinates, measured minus expected,
     // derivatives by twist and registration, the factor on σ of θ
     {"seen", "n n nn ng -",
-     [](const Row& r) {
-       const Mobility mobility = r.robot->mobility;
-       const Registration by{frame_of(r.call.in[0].data()), frame_of(r.call.in[1].data())};
-       const Seen at = seen(mobility, by, r.pose(2));
+     of<[](const Robot& robot, Frame base, Frame marker, Pose x, Coordinates measured) {
+       const Mobility mobility = robot.mobility;
+       const Seen at = seen(mobility, {base, marker}, x);
        const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
-       return r.give({}, to_coordinates(mobility, {at.p, at.Q, theta}),
-                     innovation(mobility, at, r.x(3).data()), at.H_x, at.H, at.blunt);
-     },
-     kRowsPerThread, 2},
+       return std::tuple(Outcome{}, to_coordinates(mobility, {at.p, at.Q, theta}),
+                         innovation(mobility, at, measured.data()), at.H_x, at.H, at.blunt);
+     }>},
 };
 
 nb::tuple call(const RowFunction& function, const nb::args& args) {
   Call with;
+  std::size_t count = 1;
   for (nb::handle given : args) {
     if (given.is_none()) continue;
     if (nb::isinstance<Robot>(given)) {
       with.robot = nb::inst_ptr<Robot>(given);
     } else if (nb::isinstance<Known>(given)) {
       with.known = nb::inst_ptr<Known>(given);
-    } else if (PyBool_Check(given.ptr())) {
-      with.flag.push_back(given.is(nb::handle(Py_True)));
     } else if (PyFloat_Check(given.ptr()) || PyLong_Check(given.ptr())) {
       with.number.push_back(nb::cast<double>(given));
     } else {
       nb::object array = numpy("ascontiguousarray")(given, "double");
       if (nb::cast<int>(array.attr("ndim")) == 1) array = array.attr("reshape")(1, -1);
       with.in.push_back(nb::cast<Rows>(array));
+      if (count == 1) count = with.in.back().shape(0);
     }
   }
-  with.level = level(!with.flag.empty() && with.flag[0]);
   std::string letters = "g";
   std::vector<int> extents = {kRegistration};
   if (with.robot) {
     const Robot& robot = *with.robot;
-    const int n = with.n = dof(robot.mobility), m = with.m = robot.motors;
-    with.e = readings(robot);
-    letters += "nmerpdhbl";
+    const int n = dof(robot.mobility), m = robot.motors;
+    letters += "nmepdhbl";
     extents.insert(extents.end(),
-                   {n, m, with.e, robot.r, robot.finished ? parameter_count(robot) : 0, 2 * m,
+                   {n, m, readings(robot), robot.finished ? parameter_count(robot) : 0, 2 * m,
                     robot.full.own() ? 6 - n + robot.full.bars : 0, robot.mechanism.bodies,
                     robot.mechanism.closures});
   }
@@ -333,10 +297,8 @@ nb::tuple call(const RowFunction& function, const nb::args& args) {
       with.shapes.back().push_back(known < letters.size() ? extents[known] : letter - '0');
   }
   return batch(
-      with.in.at(function.over).shape(0), with.shapes,
-      [&](std::size_t i, const std::vector<double*>& out) {
-        return function.at({with, with, i, out});
-      },
+      count, with.shapes,
+      [&](std::size_t i, const Results& out) { return function.at({with, i, out}); },
       function.rows_per_thread);
 }
 }  // namespace

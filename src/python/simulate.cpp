@@ -7,125 +7,6 @@
 
 namespace truepose::python {
 namespace {
-/// Readings, (N, n + r), each as `change` makes them, in sequence.
-nb::object changed(const Rows& q_e,
-                   const std::function<void(std::size_t i, Extended& now)>& change) {
-  const std::size_t width = q_e.shape(1);
-  const auto next = [&](std::size_t i, auto& out) {
-    Extended now = row<Extended>(q_e, i);
-    change(i, now);
-    std::copy_n(now.begin(), width, out[0]);
-    return Outcome{};
-  };
-  return batch(q_e.shape(0), {{width}}, next, kInOrder)[0];
-}
-
-/// Converts exact readings to those of real encoders, with noise and quantization.
-auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
-  Random random(seed);
-  return changed(exact, [&](std::size_t, Extended& q_e) { spoil(robot, random, q_e); });
-}
-
-/// Applies faults to healthy readings in sequence at these times.
-auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows& healthy) {
-  return changed(healthy,
-                 [&](std::size_t i, Extended& q_e) { faults.make_faulty(time.at(i), q_e); });
-}
-
-/// One simulated run, or visits of poses: what the loop needs, and what its extras point to.
-class Simulation {
- public:
-  Simulation(const Robot& believed, const Robot& real, const ControlSettings& control,
-             Optional<const Known> known, const Effects& effects, Optional<Online> online,
-             const std::vector<Fault>& faults, Optional<const FaultTolerantSetup> monitor,
-             const Lateness& delays, const std::vector<Event>& events, Optional<Guard> guard,
-             int steps, const Coordinates& start, std::uint64_t seed)
-      : nominal_(believed),
-        truth_(real),
-        settings_(control),
-        delays_(delays),
-        weights_(nominal_, known.value_or(nullptr)),
-        monitor_weights_(monitor ? (*monitor)->robot : nominal_,
-                         monitor ? &(*monitor)->known : nullptr),
-        faults_(faults, control.period, seed),
-        steps_(steps),
-        start_(start),
-        seed_(seed) {
-    extras_.weighing = weights_, extras_.monitor_weighing = monitor_weights_;
-    extras_.effects = effects, extras_.events = events;
-    if (!faults.empty()) extras_.faults = &faults_;
-    extras_.guard = guard.value_or(nullptr);
-    if (delays_.first) extras_.late = &*delays_.first;
-    if (delays_.second) extras_.bus = &*delays_.second;
-    if (monitor) {
-      fault_settings_ = (*monitor)->settings;
-      extras_.fault_settings = &fault_settings_;
-    }
-    if (!online) return;
-    OnlineCalibrator& learner = (*online)->begin(nominal_);
-    extras_.learner = &learner;
-    weights_.weigh(nominal_, learner.knowledge());
-    extras_.weighing = extras_.monitor_weighing = weights_;
-    fault_settings_.finest = &learner.robot;
-  }
-
-  using OwnError = std::optional<nb::callable>;
-  nb::tuple follow(const Rows& x, const Rows& rate, const Rows& acceleration,
-                   const OwnError& error_of);
-  nb::object visit(const Rows& x_d, double duration, double hold);
-
- private:
-  const Robot nominal_, truth_;
-  const ControlSettings settings_;
-  const Lateness delays_;
-  Weights weights_, monitor_weights_;
-  FaultyReadings faults_;
-  FaultTolerantSettings fault_settings_;
-  Extras extras_;
-  const int steps_;
-  const Coordinates start_;
-  const std::uint64_t seed_;
-};
-
-/// One run from rest along any path: a row of each (N, n) array per period, interpolated where the
-/// robot slows down.
-/// @param error_of  a Python callable (x_d, q_e) -> motor error as the loop's law
-nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& acceleration,
-                             const OwnError& error_of) {
-  const std::size_t periods = x.shape(0) - 1;
-  const auto at = [&](std::size_t k) {
-    return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
-                    row<Coordinates>(acceleration, k)};
-  };
-  const auto path = [&](double k) {
-    const auto before = std::min(static_cast<std::size_t>(k), periods);
-    if (before == periods) return at(before);
-    return between(nominal_.mobility, at(before), at(before + 1), settings_.period,
-                   k - static_cast<double>(before));
-  };
-  if (error_of)
-    extras_.law = [&](const Coordinates& x_d, const Extended& q_e) {
-      const nb::gil_scoped_acquire acquire;
-      return nb::cast<Joint>((*error_of)(x_d, q_e));
-    };
-  std::vector<Sample> log;
-  Outcome outcome;
-  {
-    nb::gil_scoped_release release;
-    Signals signals;
-    Loop loop(nominal_, truth_, settings_, start_, seed_, extras_);
-    outcome = loop.follow(static_cast<int>(periods), steps_, path, [&](const Sample& sample) {
-      log.push_back(sample);
-      signals();
-    });
-  }
-  return answered(
-      outcome,
-      records(log, TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up,
-                                    health, symptom, stops, brakes, disturbance, disturbed, size,
-                                    force, refused, warm, safety, cause, part)));
-}
-
 /// Summary of a visit to one pose.
 struct Visited {
   Coordinates x{};  ///< true pose, and readings, at the end of the hold
@@ -153,25 +34,145 @@ struct Visited {
     }
   }
 };
+}  // namespace
+}  // namespace truepose::python
 
-/// Visits poses in order, keeping friction and backlash. After a failure the robot is placed at the
-/// next pose.
-nb::object Simulation::visit(const Rows& x_d, double duration, double hold) {
-  std::vector<Visited> visits(x_d.shape(0));
+namespace truepose::c {
+TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up, health, symptom, stops,
+                 brakes, disturbance, disturbed, size, force, refused, warm, safety, cause, part)
+TRUEPOSE_MEMBERS(python::Visited, x, q_e, low, high, saturated, status, unanswered, reason)
+}  // namespace truepose::c
+
+namespace truepose::python {
+namespace {
+/// Readings, (N, n + r), each as `change` makes them, in sequence.
+nb::object changed(const Rows& q_e,
+                   const std::function<void(std::size_t i, Extended& now)>& change) {
+  const std::size_t width = q_e.shape(1);
+  const auto next = [&](std::size_t i, auto& out) {
+    Extended now = row<Extended>(q_e, i);
+    change(i, now);
+    std::copy_n(now.begin(), width, out[0]);
+    return Outcome{};
+  };
+  return batch(q_e.shape(0), {{width}}, next, kInOrder)[0];
+}
+
+/// Converts exact readings to those of real encoders, with noise and quantization.
+auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
+  Random random(seed);
+  return changed(exact, [&](std::size_t, Extended& q_e) { spoil(robot, random, q_e); });
+}
+
+/// Applies faults to healthy readings in sequence at these times.
+auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows& healthy) {
+  return changed(healthy,
+                 [&](std::size_t i, Extended& q_e) { faults.make_faulty(time.at(i), q_e); });
+}
+
+/// Simulated runs, or visits of poses, of one true robot under a controller, as Python gives them.
+struct Simulation {
+  Robot nominal, truth;
+  ControlSettings settings;
+  Optional<const Known> known;
+  Effects effects;
+  Optional<Online> online;
+  std::vector<Fault> faults;
+  Optional<const FaultTolerantSetup> monitor;
+  Lateness delays;
+  std::vector<Event> events;
+  Optional<Guard> guard;
+  int steps;
+  Coordinates start;
+  std::uint64_t seed;
+
+  nb::tuple follow(const Rows& x, const Rows& rate, const Rows& acceleration,
+                   const std::optional<nb::callable>& error_of) const;
+  nb::object visit(const Rows& x_d, double duration, double hold) const;
+};
+
+/// What a loop of a simulation points to.
+struct Given : Extras {
+  Weights own, monitored;
+  FaultyReadings wrong;
+  FaultTolerantSettings tolerant;
+
+  explicit Given(const Simulation& of)
+      : own(of.nominal, of.known.value_or(nullptr)),
+        monitored(of.nominal, nullptr),
+        wrong(of.faults, of.settings.period, of.seed) {
+    effects = of.effects, events = of.events;
+    if (!of.faults.empty()) faults = &wrong;
+    guard = of.guard.value_or(nullptr);
+    if (of.delays.first) late = &*of.delays.first;
+    if (of.delays.second) bus = &*of.delays.second;
+    if (of.monitor) {
+      tolerant = (*of.monitor)->settings, fault_settings = &tolerant;
+      monitored.weigh((*of.monitor)->robot, (*of.monitor)->known.view());
+    }
+    weighing = own, monitor_weighing = monitored;
+    if (!of.online) return;
+    learner = &(*of.online)->begin(of.nominal);
+    own.weigh(of.nominal, learner->knowledge());
+    weighing = monitor_weighing = own;
+    tolerant.finest = &learner->robot;
+  }
+};
+
+/// One run from rest along any path: a row of each (N, n) array per period, interpolated where the
+/// robot slows down.
+/// @param error_of  a Python callable (x_d, q_e) -> motor error as the loop's law
+nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& acceleration,
+                             const std::optional<nb::callable>& error_of) const {
+  const std::size_t periods = x.shape(0) - 1;
+  const auto at = [&](std::size_t k) {
+    return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
+                    row<Coordinates>(acceleration, k)};
+  };
+  const auto path = [&](double k) {
+    const auto before = std::min(static_cast<std::size_t>(k), periods);
+    if (before == periods) return at(before);
+    return between(nominal.mobility, at(before), at(before + 1), settings.period, k - before);
+  };
+  Given given(*this);
+  if (error_of)
+    given.law = [&](const Coordinates& x_d, const Extended& q_e) {
+      const nb::gil_scoped_acquire acquire;
+      return nb::cast<Joint>((*error_of)(x_d, q_e));
+    };
+  std::vector<Sample> log;
+  Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    Coordinates from = nominal_.home, standing = start_;
+    outcome = Loop(nominal, truth, settings, start, seed, given)
+                  .follow(static_cast<int>(periods), steps, path, [&](const Sample& sample) {
+                    log.push_back(sample);
+                    signals();
+                  });
+  }
+  return answered(outcome, records(log));
+}
+
+/// Visits poses in order, keeping friction and backlash. After a failure the robot is placed at the
+/// next pose.
+nb::object Simulation::visit(const Rows& x_d, double duration, double hold) const {
+  std::vector<Visited> visits(x_d.shape(0));
+  Given given(*this);
+  {
+    nb::gil_scoped_release release;
+    Signals signals;
+    Coordinates from = nominal.home, standing = start;
     std::optional<Loop> loop;
     for (std::size_t i = 0; i < visits.size(); ++i) {
       const Coordinates to = row<Coordinates>(x_d, i);
-      const double period = settings_.period, end = duration + hold;
-      extras_.began = i * period * std::lround(end / period);
-      if (!loop) loop.emplace(nominal_, truth_, settings_, standing, seed_ + i, extras_);
+      const double period = settings.period, end = duration + hold;
+      given.began = i * period * std::lround(end / period);
+      if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, given);
       const Outcome outcome =
-          loop->move({from, to, duration, hold, steps_, 0}, [&](const Sample& sample) {
+          loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
             signals();
-            visits[i].add(nominal_, sample, end, hold);
+            visits[i].add(nominal, sample, end, hold);
           });
       visits[i].status = outcome.status;
       if (outcome)
@@ -180,8 +181,7 @@ nb::object Simulation::visit(const Rows& x_d, double duration, double hold) {
         loop.reset();
     }
   }
-  return records(
-      visits, TRUEPOSE_MEMBERS(Visited, x, q_e, low, high, saturated, status, unanswered, reason));
+  return records(visits);
 }
 
 /// Poses that close the loops at q, (m, n), and the number of searches that ended at each, (m,).
@@ -202,20 +202,9 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   }
   return nb::make_tuple(x, seen);
 }
-
-/// Exact readings of a mechanism at this pose with these motors and arms.
-auto readings(const Robot& robot, const Frame& frame, const std::array<double, kMaxBars>& psi,
-              double theta, const Joint& motor, const Joint& arm) {
-  FullPose pose;
-  pose.D = frame.t, pose.R = frame.R, pose.psi = psi, pose.theta = theta;
-  Extended q_e{};
-  const Outcome outcome = read_standing(robot, pose, motor, arm, q_e);
-  return nb::make_tuple(q_e, static_cast<int>(outcome.status));
-}
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
-  nb::class_<Slow>(m, "Slow").def(nb::init<const Lateness&>()).def("deliver", &Slow::deliver);
   nb::class_<FaultyReadings>(m, "FaultyReadings")
       .def(nb::init<const std::vector<Fault>&, double>())
       .def("read", &faulty)
@@ -231,6 +220,5 @@ void bind_simulation(nb::module_& m) {
       .def("visit", &Simulation::visit);
   m.def("spoil", &batch_spoil);
   m.def("assembly_modes", &assembly_modes);
-  m.def("readings", &readings);
 }
 }  // namespace truepose::python

@@ -1,68 +1,45 @@
-// Structs of the core as Python classes, and their enumerations, by tables of their members.
+// Structs of the core as Python classes by tables of their members.
 #pragma once
-
-#include <string>
 
 #include "c/fields.hpp"
 #include "python/arrays.hpp"
 
-// TRUEPOSE_MEMBERS(T, a, b, …): a table of these members of a struct that C does not have.
-#define TRUEPOSE_MEMBERS(T, ...)                                                              \
-  [] {                                                                                        \
-    static constexpr c::Field fields[] = {TRUEPOSE_EACH(TRUEPOSE_MEMBER, T, T, __VA_ARGS__)}; \
-    return c::Table{fields, 0};                                                               \
-  }()
-#define TRUEPOSE_MEMBER(T, same, member) \
-  c::fields_detail::field<decltype(T::member)>(#member, offsetof(T, member)),
-
 namespace truepose::python {
-/// A member, and Python's signatures of its getter and setter.
-nb::object get_member(nb::handle self, const c::Field& field);
-void set_member(nb::handle self, const c::Field& field, nb::handle value);
-std::array<std::string, 2> signatures(const c::Field& field);
+/// numpy's type of a struct of this size with the members of a table.
+nb::object type_of(const c::Table& table, std::size_t size);
 
-/// A struct as a class with default values, copies, and an attribute for each member: numbers are
-/// int or float, arrays are numpy's and may be set to shorter ones, then the rest is 0. `fields`
-/// has the names in order; bytes() are those of the struct in C.
+/// A member of a struct: numbers are int or float; arrays are numpy's and may be set to shorter
+/// ones, then the rest is 0; structs are records, whose `base` is record["base"]: numpy has an
+/// attribute of this name. Those read are copies.
+nb::object get_member(nb::handle self, nb::handle type, const char* name);
+void set_member(nb::handle self, nb::handle type, const char* name, nb::handle value);
+
+/// A struct as a class with default values and an attribute for each member of these tables.
+/// `fields` has their names in order; bytes() are those of the struct in C.
 template <class T>
-nb::class_<T> structure(nb::module_& m, const char* name, const c::Table& table) {
-  nb::class_<T> made(m, name);
-  made.def(nb::init<>()).def("copy", [](const T& own) { return own; });
-  nb::list names;
-  for (const c::Field& field : table.fields) {
-    const auto [reads, writes] = signatures(field);
-    made.def_prop_rw(
-        field.name, [&field](nb::handle self) { return get_member(self, field); },
-        [&field](nb::handle self, nb::handle value) { set_member(self, field, value); },
-        nb::for_getter(nb::sig(reads.c_str())), nb::for_setter(nb::sig(writes.c_str())));
-    names.append(field.name);
-  }
-  made.attr("fields") = nb::tuple(names);
+nb::class_<T> structure(nb::module_& m) {
+  constexpr const c::Table& table = c::table_of<T>;
+  const nb::object type = type_of(table, sizeof(T));
+  nb::class_<T> made(m, table.name);
+  made.def(nb::init<>())
+      .def(
+          "__getattr__",
+          [type](nb::handle self, const char* member) { return get_member(self, type, member); },
+          nb::sig("def __getattr__(self, name: str) -> typing.Any"))
+      .def("__setattr__", [type](nb::handle self, const char* member, nb::handle value) {
+        if constexpr (std::is_same_v<T, Robot>) nb::inst_ptr<Robot>(self)->finished = false;
+        set_member(self, type, member, value);
+      });
+  made.attr("fields") = type.attr("names");
   if (table.size > 0)
-    made.def("__bytes__", [size = table.size](const T& own) { return nb::bytes(&own, size); });
+    made.def("__bytes__", [](const T& own) { return nb::bytes(&own, c::table_of<T>.size); });
   return made;
 }
-/// Those of C, by their names in the core.
-template <class... T>
-void structures(nb::module_& m) {
-  (structure<T>(m, c::table_of<T>.name, c::table_of<T>), ...);
-}
 
-/// Records as a structured numpy array, a copy of theirs, with these members.
-nb::object records(const void* data, std::size_t count, std::size_t size, const c::Table& table);
+/// Records as a structured numpy array, a copy of theirs.
 template <class T>
-nb::object records(const std::vector<T>& rows, const c::Table& table) {
-  return records(rows.data(), rows.size(), sizeof(T), table);
-}
-
-/// An IntEnum whose members count from 0 in this order.
-void enumeration(nb::module_& m, const char* name, const std::vector<const char*>& members);
-
-/// Names of a table's rows.
-template <class Table>
-std::vector<const char*> names_of(const Table& table) {
-  std::vector<const char*> names;
-  for (const auto& row : table) names.push_back(row.name);
-  return names;
+nb::object records(const std::vector<T>& rows) {
+  return numpy("ndarray")(rows.size(), type_of(c::table_of<T>, sizeof(T)),
+                          nb::bytes(rows.data(), rows.size() * sizeof(T)));
 }
 }  // namespace truepose::python

@@ -108,10 +108,11 @@ TEST("a robot without a full level says so, whatever it is asked") {
   CHECK(finish_full(robot));
   Coordinates x = robot.home, turns{};
   Joint q{};
-  Reading r{};
+  Extended q_e{};
   JointMatrix J{};
   CHECK(ikm(Level::full, robot, x, q).status == Status::no_full_level);
-  CHECK(rkm(Level::full, robot, x, r).status == Status::no_full_level);
+  CHECK(extended(Level::full, robot, to_pose(robot.mobility, x), q_e).status ==
+        Status::no_full_level);
   CHECK(jacobian(Level::full, robot, x, J).status == Status::no_full_level);
   CHECK(parasitic(robot, x, turns).status == Status::no_full_level);
   CHECK(fkm(Level::full, robot, q, x).status == Status::no_full_level && x == robot.home);

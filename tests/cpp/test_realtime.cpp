@@ -88,17 +88,20 @@ TEST_EACH(for_each, "no model does at either level, whether it finds an answer o
   CHECK(watched(count, [&](long k) {
           const Coordinates x = made.at(k).setpoint.x;
           Coordinates back = robot.home;
+          const Pose pose = to_pose(robot.mobility, x);
           Joint q{};
-          Reading r{};
+          Extended q_e{};
           JointMatrix J;
           ExtendedColumns M;
           ExtendedRows M_plus;
-          const bool ideal = ikm(Level::ideal, robot, x, q) && rkm(Level::ideal, robot, x, r) &&
-                             tej(robot, x, M, M_plus) && command(Level::ideal, robot, x, q) &&
+          const bool ideal = ikm(Level::ideal, robot, x, q) &&
+                             extended(Level::ideal, robot, pose, q_e) && tej(robot, x, M, M_plus) &&
+                             command(Level::ideal, robot, x, q) &&
                              fkm(Level::ideal, robot, q, back);
           static_cast<void>(fkm(Level::ideal, robot, made.at(k).any, back));  // mostly fails
           back = robot.home;
-          const bool rods = ikm(Level::full, robot, x, q) && rkm(Level::full, robot, x, r) &&
+          const bool rods = ikm(Level::full, robot, x, q) &&
+                            extended(Level::full, robot, pose, q_e) &&
                             jacobian(Level::full, robot, x, J) && fkm(Level::full, robot, q, back);
           static_cast<void>(fkm(Level::full, robot, made.at(k).any, back));
           static_cast<void>(finish_full(copy));

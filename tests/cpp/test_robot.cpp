@@ -86,7 +86,6 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
   const Pose pose = to_pose(kH4, x);
   Joint q{}, torque{};
   Coordinates found = x, acceleration{}, turns{};
-  Reading r{};
   JointMatrix J{};
   Extended q_e{};
   PoseRows H_x{};
@@ -108,14 +107,13 @@ std::vector<std::pair<const char*, Outcome>> ask(const Robot& robot) {
       {"fkm", outcome_of(fkm(Level::ideal, robot, q, found))},
       {"fkm_full", outcome_of(fkm(Level::full, robot, q, found))},
       {"fkm_closed", fkm_closed(robot, q, pose.R, Vec3(0, 0, -0.4), D)},
-      {"rkm", rkm(Level::ideal, robot, x, r)},
-      {"rkm_full", rkm(Level::full, robot, x, r)},
       {"jacobian", jacobian(Level::ideal, robot, x, J)},
       {"jacobian_full", jacobian(Level::full, robot, x, J)},
       {"parasitic", parasitic(robot, x, turns)},
       {"conditioning", conditioning(robot, x, parallel, torque)},
       {"tej", tej(robot, x, M, M_plus)},
       {"extended", extended(Level::ideal, robot, pose, q_e)},
+      {"extended_full", extended(Level::full, robot, pose, q_e)},
       {"redundant_fkm", redundant_fkm(robot, q_e, found)},
       {"read_standing", read_standing(robot, to_full(pose), Joint{}, Joint{}, q_e)},
       {"linearise", linearise(Level::ideal, robot, pose, q_e, H_x, nullptr)},

@@ -238,8 +238,6 @@ TEST("a telemeter along its own plane reads nothing, and no function calls that 
   Robot robot = h4().robot;
   robot.r = 2;
   robot.sensor[1] = telemeter({-0.6, 0, -0.4}, {1, 0, 0}, {0, 0, 0}, {0, 0, 1});
-  Reading values{};
-  CHECK(rkm(Level::ideal, robot, robot.home, values).status == Status::not_finite);
   ExtendedColumns M;
   ExtendedRows M_plus;
   CHECK(tej(robot, robot.home, M, M_plus).status == Status::not_finite);

@@ -19,9 +19,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (parasitic(robot, x, rest)) require(all_finite(rest, kMaxDof), "parasitic: ok is finite");
   JointMatrix J;
   if (jacobian(Level::full, robot, x, J)) require(finite(J, n, m), "full jacobian: ok is finite");
-  Reading values;
-  if (rkm(Level::full, robot, x, values))
-    require(all_finite(values, robot.r), "full rkm: ok is finite");
+  Extended q_e;
+  if (extended(Level::full, robot, to_pose(robot.mobility, x), q_e))
+    require(all_finite(q_e, readings(robot)), "full readings: ok is finite");
   const FkmResult result = fkm(Level::full, robot, q, found);
   require(result.iterations <= 2 * kFkmIterations, "full fkm: iterations are bounded");
   if (!result) return 0;

@@ -123,10 +123,10 @@ def test_a_nacelle_has_no_more_bars_than_fit(h4_text, tmp_path, count, sensors):
 
 def test_the_core_refuses_a_bar_that_is_not_there(h4):
     core = h4.core.without_limits()  # a copy
-    chain = core.chain(1)
+    chains = core.chain
     for bar in (2, -2, 1000):
-        chain.bar = bar
-        core.set_chain(1, chain)
+        chains[1].bar = bar
+        core.chain = chains
         assert core.finish()[0] == NO_SUCH_PART
         with pytest.raises(ValueError, match="not finished"):
             core.drawn_parameters()

@@ -149,7 +149,8 @@ def tracked(anywhere):
     x = anywhere(robot, 100, rng)
     base = np.eye(4)
     base[:3, :3], base[:3, 3] = frames.rotation([2, -1, 1]), [1, 2, 3]
-    seen = _core.seen(robot.core, base, np.eye(4), x, x)[0] + 1e-5 * rng.normal(size=x.shape)
+    seen = _core.seen(robot.core, base.ravel(), np.eye(4).ravel(), x, x)[0]
+    seen += 1e-5 * rng.normal(size=x.shape)
     outside = {f"measured_{c}": seen[:, k] for k, (c, _) in enumerate(robot.coordinates)}
     return robot, robot.sample(2).read(x), outside
 

@@ -34,7 +34,7 @@ def sigma_of(robot):
 
 
 def see(robot, base, marker, x):
-    return _core.seen(robot.core, base, marker, x, np.zeros_like(x))[:5]
+    return _core.seen(robot.core, base.ravel(), marker.ravel(), x, np.zeros_like(x))[:5]
 
 
 def measured(robot, base, marker, x, rng):

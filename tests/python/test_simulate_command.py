@@ -80,13 +80,13 @@ MOVES = {
 
 
 @pytest.mark.parametrize("words", MOVES, ids=lambda words: words[0])
-def test_it_prints_and_writes_what_the_library_simulates(run, h4, tmp_path, words):
+def test_it_prints_and_writes_what_the_library_simulates(run, tmp_path, words):
     """Cycle by cycle."""
     (tmp_path / "poses.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0.1,0,-0.4,0.2\n", "utf-8")
     timed = "time,x,y,z,theta\n1,0,0,-0.4,0\n1.3,0.05,0,-0.4,0\n1.6,0.1,0,-0.4,0.2\n"
     (tmp_path / "timed.csv").write_text(timed, "utf-8")
     more = ("--law", "estimated", "--seed", "4", "-o", "log.csv", "--format", "json")
-    status, said, err = run("simulate", "h4", *words, *more)
+    h4, (status, said, err) = tp.load("h4"), run("simulate", "h4", *words, *more)
     assert status == 0 and ", poles 150 rad/s, true robot sampled with seed 4: ok" in err
     how = tp.simulation.Run(seed=4)
     if (path := MOVES[words]) is None:

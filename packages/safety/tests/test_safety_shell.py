@@ -102,7 +102,7 @@ def test_a_lost_motor_of_the_monitor_stops_all_brakes(h4):
 @pytest.fixture(scope="module")
 def calibrated():
     """An H4 with θ as calibrated, and the true robot."""
-    robot = tp.load("h4").with_sensors("theta").expected()
+    robot = tp.load("h4").with_file(conditions=None).with_sensors("theta").expected()
     truth = robot.sample(7).at_highest_level
     return tp.calibrate(robot, truth.read(drawn_poses(robot, 120, 7), seed=7)).robot, truth
 

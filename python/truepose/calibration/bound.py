@@ -224,7 +224,7 @@ def after_visiting(
         np.eye(4),
         np.eye(4),
         -1,
-        between.core if between else _core.Links(),
+        between.core if between else None,
         full,
         known.nuisances,
         conditions.together(model, full, {"calibration": visited, "reference": known_poses}),

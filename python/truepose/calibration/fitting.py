@@ -111,7 +111,7 @@ def _fit_upright(problem: Problem) -> Calibration:
                 lines.outside_sigma,
                 *begun.begin(),
                 own if registering else -1,
-                between.core if between else _core.Links(),
+                between.core if between else None,
                 every.shape[2],
                 every.reshape(len(every), -1),
                 getattr(_core.Loss, options.loss),

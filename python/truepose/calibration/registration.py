@@ -131,7 +131,8 @@ class Registered:
     def see(self, robot: Robot, x: Array, measured: Array | None = None) -> View:
         """Predict the tracker's measurements at poses (N, n)."""
         measured = np.full_like(x, np.nan) if measured is None else measured
-        return View(*_core.seen(robot.core, self.base, self.marker, x, measured)[:5])
+        frames = self.base.ravel(), self.marker.ravel()
+        return View(*_core.seen(robot.core, *frames, x, measured)[:5])
 
     @classmethod
     def exact(cls, base: Array, marker: Array, parameters: int) -> Registered:

@@ -113,9 +113,13 @@ def _numbers(values: Array, indent: str = "    ") -> str:
 def _members(struct: Any, kind: str, indent: str) -> str:
     """Return the members of one of the core's structs, whole numbers on one line."""
     own = {"abi": "TRUEPOSE_ABI", "size": f"sizeof(truepose_{kind})", "unused": "0"}
-    members = [(name, own.get(name, getattr(struct, name))) for name in struct.fields]
+    if not isinstance(struct, np.record):
+        struct = {name: getattr(struct, name) for name in struct.fields}
+    names = struct.keys() if isinstance(struct, dict) else struct.dtype.names
+    members = [(name, own.get(name, struct[name])) for name in names]
+    members = [member for member in members if not isinstance(member[1], np.recarray)]
     lines = []
-    for whole, of in groupby(members, lambda member: isinstance(member[1], (int, str))):
+    for whole, of in groupby(members, lambda member: isinstance(member[1], (int, np.integer, str))):
         rows = [(name, str(v) if whole else _numbers(np.array(v), indent)) for name, v in of]
         if whole:
             names, values = zip(*rows, strict=True)
@@ -124,7 +128,7 @@ def _members(struct: Any, kind: str, indent: str) -> str:
     return "\n".join(lines)
 
 
-def _parts(kind: str, parts: Iterable[tuple[str, Any]]) -> str:
+def _parts(kind: str, parts: Iterable[tuple[object, Any]]) -> str:
     """Return an array of structures, each with its name."""
     shown = ",\n".join(
         f"  {{ /* {kind} {name} */\n{_members(part, kind, '    ')}\n  }}" for name, part in parts
@@ -135,16 +139,13 @@ def _parts(kind: str, parts: Iterable[tuple[str, Any]]) -> str:
 def _description(name: str, robot: Robot) -> str:
     core = robot.core
     parts = [
-        _parts("chain", ((str(k + 1), core.chain(k)) for k in range(core.chains))),
-        _parts("sensor", ((s, core.sensor(k)) for k, s in enumerate([*robot.sensors] or ["none"]))),
-        _parts("body", ((str(k + 1), core.body(k)) for k in range(max(core.bodies, 1)))),
-        _parts(
-            "axis",
-            (
-                (axis, core.axis(j))
-                for j, axis in enumerate([a.name for a in robot.spec.passive_axis] or ["none"])
-            ),
-        ),
+        _parts(kind, zip(names, getattr(core, kind), strict=False))
+        for kind, names in {
+            "chain": range(1, core.chains + 1),
+            "sensor": [*robot.sensors] or ["none"],
+            "body": range(1, max(core.bodies, 1) + 1),
+            "axis": [axis.name for axis in robot.spec.passive_axis] or ["none"],
+        }.items()
     ]
     return (
         f"static const truepose_description {name} = {{\n"

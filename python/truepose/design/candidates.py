@@ -165,13 +165,13 @@ def rows_of(
     nuisances = [*knowledge.left_out(robot).values()] if guarded else []
     root = _root(robot, tracker.sigma, others, nuisances, after)
     order = _in_order(known, len(root))
-    model, none = robot.expected(), _core.Links()
+    model = robot.expected()
 
     def linearized(
         x: Array,
         seen: _External,
         first: int,
-        links: _core.Links,
+        links: _core.Links | None,
         acting: Array,
         when: conditions.When = "calibration",
     ) -> tuple[Array, Array]:
@@ -185,13 +185,13 @@ def rows_of(
         return B[:, order] @ root, visit
 
     seen = (tracker.outside, tracker.noise, tracker.base, tracker.marker)
-    links = none if between is None else between.core
+    links = between.core if between else None
     B, visit = linearized(at, seen, own if registering else -1, links, acting[visited])
     of = np.repeat(np.arange(len(steps)), [len(at) for _, at in steps])[visit]
     information = np.eye(len(root.T))
     if touched is not None and len(touched):
         seen = (touched, np.array([reference_sigma], dtype=float), np.eye(4), np.eye(4))
-        T, _ = linearized(touched, seen, -1, none, 0 * acting[:1], "reference")
+        T, _ = linearized(touched, seen, -1, None, 0 * acting[:1], "reference")
         information += T.T @ T
     return Rows(
         [Step(steps[k][0], x[steps[k][1]], k) for k in kept],
@@ -253,7 +253,7 @@ def _tracker(
         blind = np.isinf(np.asarray(each, dtype=float))
         each = np.where(blind, 1.0, np.asarray(each))
     noise = sigmas(robot, each, candidates.measured_angle_sigma, len(x))
-    seen = _core.seen(robot.core, base, marker, x, np.full_like(x, np.nan))
+    seen = _core.seen(robot.core, base.ravel(), marker.ravel(), x, np.full_like(x, np.nan))
     outside = np.where(blind, np.nan, seen[0])
     sigma = by.sigma(robot, outside)
     return _Tracker(outside, noise, base, marker, sigma if sigma.any() else np.zeros(0))

@@ -323,7 +323,8 @@ class Seen(Sought):
         super().__post_init__()
         assert self.rows.frames is not None
         core, none = self.robot.expected().core, np.full_like(self.poses, np.nan)
-        _, _, self._H_x, H, *_ = _core.seen(core, *self.rows.frames, self.poses, none)
+        frames = map(np.ravel, self.rows.frames)
+        _, _, self._H_x, H, *_ = _core.seen(core, *frames, self.poses, none)
         self._frames = H @ self.rows.root[self._own : self._own + UNKNOWNS]
 
     def _errors(self, G: Array) -> tuple[Array, Array]:

@@ -191,8 +191,7 @@ class FaultMonitor:
             raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.m)}")
         positive("period", period)
         setup = self.setup(robot, Controller(law="joint", period=period))
-        log = np.ascontiguousarray(asked), np.ascontiguousarray(rows)
-        believed, health, symptom, *rest = members(robot, _core.review(setup, *log))
+        believed, health, symptom, *rest = members(robot, _core.review(setup, asked, rows))
         never = np.isnan(rows).all(axis=0)  # nothing to extrapolate from
         health[:, never], symptom[:, never] = HEALTH.index("failed"), SYMPTOMS.index("missing")
         return Review(robot, believed, health, symptom, *rest)

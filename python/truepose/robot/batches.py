@@ -30,7 +30,7 @@ def flattened(
     if errors == "raise" and not np.isfinite(array).all():
         bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
         raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
-    rows = np.ascontiguousarray(array.reshape(-1, width))
+    rows = array.reshape(-1, width)
     largest = np.abs(rows).max(axis=0, initial=0) if name.startswith("x") else ()
     for most, (coordinate, unit) in zip(largest, robot.coordinates, strict=False):
         if unit == "rad" and most > 2 * np.pi:

@@ -108,9 +108,8 @@ def under_load(
     force = np.tile(load, (len(x), 1)) + (0.0 if force is None else force)
     tension = np.full((len(x), robot.m), np.nan) if tension is None else tension
     chains, arms = np.split(of_all(robot) if compliance is None else compliance, 2)
-    x, tension = np.ascontiguousarray(x), np.ascontiguousarray(tension)
-    by = chains, arms
-    return UnderLoad(*_core.under_load(core or robot.core, x, *by, force, tension, full))
+    by = chains, arms, force, tension
+    return UnderLoad(*_core.under_load(core or robot.core, x, *by, full))
 
 
 def of_all(robot: Description) -> Array:

@@ -167,7 +167,7 @@ def acting(robot: Kinematics, x: Array, full: bool, when: When = "work") -> Arra
         own = under_load(robot, x, full).by_compliance
         by = np.concatenate([compliance.columns(robot, names, own), by], axis=2)
     N, width, k = by.shape
-    return np.ascontiguousarray(by.reshape(N, width * k)) if k else None
+    return by.reshape(N, width * k) if k else None
 
 
 def together(robot: Kinematics, full: bool, poses: dict[When, Array]) -> Array | None:

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
@@ -124,6 +123,6 @@ class Dynamics(Kinematics):
 
     def _dynamics(self, function: Callable[..., Any], errors: Errors, **motion: ArrayLike) -> Array:
         x, *others = together(self, errors, motors="torque", **motion)
-        rows = [np.ascontiguousarray(values.reshape(-1, values.shape[-1])) for values in others]
+        rows = [values.reshape(-1, values.shape[-1]) for values in others]
         self.require_chains("dynamics")
         return at_poses(self, x, errors, function, *rows)[0]

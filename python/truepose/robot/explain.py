@@ -89,7 +89,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
             low, high = axis.limits or (-np.inf, np.inf)
             if not low <= angle <= high:
                 return f"of axis {axis.name}: {angle:.6g} of [{low:.6g}, {high:.6g}]"
-    q, _, _ = _core.ikm(robot.without_limits(), np.ascontiguousarray(x[None]), full)
+    q, _, _ = _core.ikm(robot.without_limits(), x, full)
     position = robot.motor_position(chain, q[0, chain])
     low, high = spec.motors[chain].limits or (-np.inf, np.inf)
     return f"{position:.6g} of [{low:.6g}, {high:.6g}]"

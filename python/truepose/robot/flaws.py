@@ -8,7 +8,7 @@ from truepose.robotfile.schema import RobotFile
 
 def of_mechanism(robot: _core.Robot, spec: RobotFile) -> str | None:
     """Return in one line what is wrong with a mechanism, with the key; None: nothing."""
-    flaw, part, amount, gaps, _ = robot.check_mechanism()
+    flaw, part, amount, gaps = robot.check_mechanism()
     kind, every, names = _core.Flaw(flaw), equations(spec), freedoms_in_order(spec)
     if kind == _core.Flaw.idle:
         return f"motor {names[part]} moves nothing: no closure depends on it"

@@ -52,4 +52,4 @@ def coordinates(robot: Description, frame: ArrayLike) -> Array:
 
 
 def _rows(array: Array, width: int) -> Array:
-    return np.ascontiguousarray(array).reshape(-1, width)
+    return array.reshape(-1, width)

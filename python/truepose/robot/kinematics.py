@@ -88,9 +88,7 @@ class Kinematics(Description):
         At the full level a sensor at a bar's hinge also reads the bar's rotation, and a rod's
         sensor its own rod of the pair.
         """
-        full = self.is_full(level)
-        (r,) = at_poses(self, x, errors, _core.rkm, full)
-        return self._under_load(r, x, errors, full, slice(self.m, None))
+        return self.extended_positions(x, errors, level)[..., self.m :]
 
     def extended_positions(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -100,11 +98,7 @@ class Kinematics(Description):
         Joint limits are not checked: the robot may have been pushed beyond them.
         """
         full = self.is_full(level)
-        (q,) = at_poses(
-            self, x, errors, lambda core, rows: _core.ikm(core.without_limits(), rows, full)
-        )
-        (r,) = at_poses(self, x, errors, _core.rkm, full)
-        q_e = np.concatenate([q, r], axis=-1)
+        (q_e,) = at_poses(self, x, errors, _core.extended, full)
         return self._under_load(q_e, x, errors, full, slice(None))
 
     def read(
@@ -122,7 +116,7 @@ class Kinematics(Description):
         [946. 946. 946. 946.   0.]
         """
         exact = self.extended_positions(x, errors, level)
-        rows = np.ascontiguousarray(exact.reshape(-1, self.m + self.r))
+        rows = exact.reshape(-1, self.m + self.r)
         if self.backlash.any():  # approached from either side
             sides = np.random.default_rng([seed, 1]).choice((-0.5, 0.5), rows.shape)
             rows = rows + sides * self.backlash
@@ -268,7 +262,7 @@ class Kinematics(Description):
         True
         """
         full = self.is_full(level)
-        H_x, core = at_poses(self, x, errors, _core.linearise, full)
+        core, H_x = at_poses(self, x, errors, _core.linearise, full)
         at = {name: k for k, name in enumerate(self._values)}
         H = np.zeros((*core.shape[:-1], len(at)))
         for name, column in columns(self.spec):

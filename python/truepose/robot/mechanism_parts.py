@@ -16,13 +16,13 @@ Frame = tuple[Array, Array]  #: place and axes
 
 def mechanism_parts(robot: Kinematics, x: Array) -> tuple[list[Part], list[Array]]:
     """Return all parts at the pose x, (n,), and the places of the motors."""
-    spec, (frames, ends) = robot.spec, (of[0] for of in _core.bodies(robot.core, x[None])[:2])
+    spec, (frames, *ends) = robot.spec, (of[0] for of in _core.bodies(robot.core, x)[:3])
     at = {"base": (np.zeros(3), np.eye(3))}
     at |= {name: (frames[k, 0], frames[k, 1:].T) for name, k in indices(spec).items() if k >= 0}
     on: dict[str, list[Array]] = {name: [] for name in at}  #: ends of closures, and joints
     joints, rods, motors = {}, {}, {}  #: places by freedom, closure (A, B), motor
     parts: list[Part] = []
-    for (_, of, kind), pair in zip(equations(spec), ends, strict=True):
+    for (_, of, kind), *pair in zip(equations(spec), *ends, strict=True):
         rods[of.name] = A, B = pair[::-1] if kind == "anchor_hinge" else pair
         on[of.anchor_body].append(A)
         on[of.base_body].append(B)

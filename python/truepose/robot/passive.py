@@ -10,8 +10,7 @@ from truepose.arguments import Array
 def passive_axes(core: _core.Robot, x: ArrayLike) -> Array:
     """Return a point and the direction of each passive axis at angles x, (axes, 2, 3), m, base."""
     place, R, found = np.zeros(3), np.eye(3), []
-    for j in range(core.axes):
-        axis = core.axis(j)
+    for j, axis in enumerate(core.axis[: core.axes]):
         place = place + R @ axis.origin
         found.append((place, R @ axis.direction))
         R = R @ _core.rotations(np.asarray(x, dtype=float)[j] * axis.direction)[0][0]

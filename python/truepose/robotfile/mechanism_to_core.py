@@ -50,35 +50,33 @@ def set_mechanism(robot: _core.Robot, spec: RobotFile) -> None:
     """Give the core's robot the bodies and closures of a file, whose motors it has."""
     order = freedoms_in_order(spec)
     freedom = {name: k for k, name in enumerate(order)}
-    bodies, closures, place = [], [], indices(spec)
+    built, place, every = robot.mechanism, indices(spec), equations(spec)
+    bodies, closures = built.body, built.closure
     last = None
     for k, (of, name, turns, axis) in enumerate(singles(spec.body)):
-        body, first = _core.MechanismBody(), of is not last
+        body, first = bodies[k], of is not last
         body.kind = _core.JointKind.hinge if turns else _core.JointKind.slide
         body.parent = place[of.on] if first else k - 1
-        body.freedom, body.axis = freedom[name], np.array(axis)
+        body.freedom, body.axis = freedom[name], axis
         body.origin = np.array(of.origin) * first
         body.ratio, body.offset = of.ratio, of.zero
-        bodies.append(body)
-        last = of
-    for described, rod, kind in equations(spec):
-        own = _core.MechanismClosure()
-        ends = [
-            (place[rod.anchor_body], np.array(rod.anchor)),
-            (place[rod.base_body], np.array(rod.base)),
-        ]
+        built.bodies, last = k + 1, of
+    for own, (described, rod, kind) in zip(closures, every, strict=False):
+        ends = [(place[rod.anchor_body], rod.anchor), (place[rod.base_body], rod.base)]
         own.described, own.plane = described, kind.endswith("hinge")
         own.exchanged = kind == "anchor_hinge"
         (own.body_a, own.a), (own.body_b, own.b) = ends[::-1] if own.exchanged else ends
         if own.plane:
-            own.normal = np.array(getattr(rod, kind))
+            own.normal = getattr(rod, kind)
         elif kind == "motor":
             own.driven = freedom[rod.motor or ""]
         else:
             own.length = rod.length
             if len(motors := movers(spec, rod)) == 1:
                 own.motor, own.mode = freedom[motors[0]], rod.working_mode or 0
-        closures.append(own)
     start = spec.start | dict(zip(order[spec.m :], spec.home, strict=False))
-    y = np.array([start.get(name, 0.0) for name in order])
-    robot.set_mechanism(bodies, closures, len(spec.closure), place["platform"], spec.n, y)
+    built.home = [start.get(name, 0.0) for name in order]
+    built.body, built.closure, built.closures = bodies, closures, len(every)
+    built.motors, built.coordinates, built.freedoms = spec.m, spec.n, len(order)
+    built.platform, built.described = place["platform"], len(spec.closure)
+    robot.start_legs()

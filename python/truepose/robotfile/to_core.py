@@ -194,21 +194,22 @@ def build(spec: RobotFile) -> _core.Robot:
     robot.gravity = np.array(spec.gravity)
     robot.home = spec.home
     robot.bar_joint = getattr(_core.BarJoint, spec.platform.bars)
-    for i, (motor, actuator) in enumerate(zip(spec.motors, spec.actuators, strict=True)):
-        chain = _filled(_core.Chain(), motor, _DRIVE)
+    chains, axes, sensors = robot.chain, robot.axis, robot.sensor
+    every = zip(spec.motors, spec.actuators, encoder_steps(spec), strict=True)
+    for chain, (motor, actuator, step) in zip(chains, every, strict=False):
+        _fill(chain, motor, _DRIVE)
         chain.actuator = getattr(_core.Actuator, actuator)
-        chain.encoder_step = encoder_steps(spec)[i] * spec.quantized
+        chain.encoder_step = step * spec.quantized
         if isinstance(motor, Chain):
             _add_rod(spec, motor, chain)
-        robot.set_chain(i, chain)
     if spec.mobility == "mechanism":
         set_mechanism(robot, spec)
-    for j, axis in enumerate(spec.passive_axis):
-        keys = {"origin": "origin", "direction": "direction"}
-        robot.set_axis(j, _filled(_core.PassiveAxis(), axis, keys))
-    for sensor in spec.used:
-        robot.set_sensor(robot.sensors, _build_sensor(spec, sensor))
-        robot.sensors += 1
+    for built, axis in zip(axes, spec.passive_axis, strict=False):
+        _fill(built, axis, {"origin": "origin", "direction": "direction"})
+    for built, sensor in zip(sensors, spec.used, strict=False):
+        _fill_sensor(built, spec, sensor)
+    robot.chain, robot.axis, robot.sensor = chains, axes, sensors
+    robot.sensors = len(spec.used)
     platform = spec.platform
     inertia = (platform.inertia_x, platform.inertia_y, platform.inertia_z)
     add_body(robot, platform.mass, platform.centre, inertia)
@@ -227,10 +228,10 @@ def add_body(
     bar: int = -1,
 ) -> None:
     """Add a body to the core's robot, on its platform or on a bar."""
-    body = _core.Body()
-    body.mass, body.pivot, body.bar = mass, np.array(centre), bar
-    body.inertia = np.diag(inertia)
-    robot.set_body(robot.bodies, body)
+    bodies = robot.body
+    body = bodies[robot.bodies]
+    body.mass, body.pivot, body.bar, body.inertia = mass, centre, bar, np.diag(inertia).ravel()
+    robot.body = bodies
     robot.bodies += 1
 
 
@@ -238,31 +239,29 @@ def _hinge(bar: Bar) -> Array:
     return bar.pivot * np.array(bar.direction)
 
 
-def _filled(struct: Any, part: Section, keys: dict[str, str]) -> Any:
+def _fill(struct: Any, part: Section, keys: dict[str, str]) -> None:
     """Set members of a core's struct to a part's keys, and its limits; an absent number is 0."""
     for member, key in keys.items():
-        value = getattr(part, key)
-        setattr(struct, member, np.array(value) if isinstance(value, tuple) else value or 0.0)
+        setattr(struct, member, getattr(part, key) or 0.0)
     if limits := getattr(part, "limits", None):
         struct.low, struct.high = limits
-    return struct
 
 
-def _add_rod(spec: RobotFile, chain: Chain, built: _core.Chain) -> None:
+def _add_rod(spec: RobotFile, chain: Chain, built: Any) -> None:
     """Give a motor of the core its arm and rod."""
-    _filled(built, chain, _CHAIN)
-    built.pivot = np.array(chain.anchor)
+    _fill(built, chain, _CHAIN)
+    built.pivot = chain.anchor
     if chain.bar is not None:
-        built.pivot, built.anchor = _hinge(spec.bar[chain.bar - 1]), built.pivot
+        built.pivot, built.anchor = _hinge(spec.bar[chain.bar - 1]), chain.anchor
         built.bar = chain.bar - 1
     if spec.mobility in PAIRED:  # two rods
         built.rod_spacing = chain.rod_spacing
         built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
 
 
-def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
+def _fill_sensor(built: Any, spec: RobotFile, sensor: Sensor) -> None:
     keys = {key: key for key in ("offset", "gain", "noise", "weight")}
-    built = _filled(_core.Sensor(), sensor, keys | sensor.mounting)
+    _fill(built, sensor, keys | sensor.mounting)
     built.kind = getattr(_core.SensorKind, sensor.kind)
     built.step = sensor.step * spec.quantized
     if isinstance(sensor, Encoder):
@@ -277,12 +276,11 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
         built.at_nacelle = getattr(sensor, "side", "base") == "platform"
         built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
         # A platform-side joint is built along the nominal axes of its chain.
-        built.direction = np.array(spec.chain[number - 1].axis)
-        built.normal = np.array(spec.chain[number - 1].arm_zero)
-    return built
+        built.direction = spec.chain[number - 1].axis
+        built.normal = spec.chain[number - 1].arm_zero
 
 
-def _place(spec: RobotFile, sensor: Any, built: _core.Sensor) -> None:
+def _place(spec: RobotFile, sensor: Any, built: Any) -> None:
     """Say on which part of a mechanism a sensor of the core is."""
     if name := getattr(sensor, "freedom", None):
         built.axis = freedoms_in_order(spec).index(name)
@@ -293,7 +291,7 @@ def _place(spec: RobotFile, sensor: Any, built: _core.Sensor) -> None:
         built.chain = rods.index(name)
         if (side := getattr(sensor, "side", None)) is not None:
             built.at_nacelle = side == "platform"
-            built.direction, built.normal = map(np.array, (rod_axis(spec, sensor), sensor.zero))
+            built.direction, built.normal = rod_axis(spec, sensor), sensor.zero
     else:
         body = indices(spec)[sensor.body]
         built.bar = -1 if sensor.body == "platform" else body

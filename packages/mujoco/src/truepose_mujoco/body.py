@@ -87,8 +87,8 @@ class Body:
         """Return exact readings (n + r,), without noise and counts; `theta` selects θ's turn."""
         motor, arm = self.positions()
         psi = self.data.qpos[self.bars][: _core.max_bars]
-        q_e, _ = _core.readings(self.robot.core, self.frame(), psi, theta, motor, arm)
-        return np.array(q_e)[: self.robot.m + self.robot.r]
+        frame = self.frame().ravel()
+        return _core.readings(self.robot.core, frame, psi, theta, motor, arm)[0][0]
 
     def hold(self) -> None:
         """Hold the motors at their positions, or where `settle_at` moves them."""

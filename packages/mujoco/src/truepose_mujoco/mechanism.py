@@ -33,7 +33,7 @@ class Mechanism:
             raise InputError(f"{robot.name}: {robot.full.reason}")
         self.robot = robot
         self.planar = robot.spec.mobility.startswith("planar")
-        self.chains = [robot.core.chain(i) for i in range(robot.m)]
+        self.chains = robot.core.chain[: robot.m]
         self.bars = 1 + max(chain.bar for chain in self.chains)
         #: The nacelle's joints at the coordinates x, unless it is a free body.
         self.own_joints = [f"axis{j + 1}" for j in range(robot.core.axes)]
@@ -44,7 +44,7 @@ class Mechanism:
         self._frames = [self._frame(i) for i in range(robot.m)]
         points = [self.home.D]
         for i, chain in enumerate(self.chains):
-            points += [chain.base, self.elbow(i, 0, self.home), self.anchor(i, 0, self.home)]
+            points += [chain["base"], self.elbow(i, 0, self.home), self.anchor(i, 0, self.home)]
         self.outline = np.array(points)  #: points of base, arms and nacelle at home
         self.size = float(np.ptp(self.outline, axis=0).max())  #: m, which scales drawn thicknesses
 
@@ -98,7 +98,7 @@ class Mechanism:
     def elbow(self, i: int, side: float, at: Posture) -> Array:
         """Return a rod's end at the motor."""
         chain, mount = self.chains[i], self.mount(i, at)
-        B = chain.base + 0.5 * side * chain.rod_spacing * mount[:, 2]
+        B = chain["base"] + 0.5 * side * chain.rod_spacing * mount[:, 2]
         if chain.actuator == _core.Actuator.revolute:
             return B + chain.arm * mount[:, 0]
         if chain.actuator == _core.Actuator.prismatic:

@@ -104,14 +104,14 @@ class Model(Mechanism):
         """Add the base as seen, and a body that makes MuJoCo apply the legs' gravcomp."""
         # MuJoCo applies gravcomp only if some body's is positive; a leg's is negative.
         point(add(world, "body", name="gravcomp", gravcomp=1), 0)
-        middle = np.mean([chain.base for chain in self.chains], axis=0)
+        middle = np.mean([chain["base"] for chain in self.chains], axis=0)
         for chain, position in zip(self.chains, self.home.position, strict=True):
             if chain.actuator == _core.Actuator.prismatic:
                 reach = position + 0.5 * self.size * np.array([-1, 1])
-                low, high = chain.base + np.outer(reach, chain.axis)
+                low, high = chain["base"] + np.outer(reach, chain.axis)
                 capsule(world, "rail", low, high, self.size / 90)
             else:
-                capsule(world, "base", middle, chain.base, self.size / 60)
+                capsule(world, "base", middle, chain["base"], self.size / 60)
 
     def _chain(self, i: int, world: ET.Element) -> None:
         """Add the arm, carriage or leg of a chain, and its rods."""
@@ -125,7 +125,7 @@ class Model(Mechanism):
         arm = chain.actuator == _core.Actuator.revolute
         part = "arm" if arm else "carriage"
         mount, reach = self.mount(i, self.home), np.array([chain.arm if arm else 0.0, 0, 0])
-        place = chain.base if arm else self.elbow(i, 0, self.home)
+        place = chain["base"] if arm else self.elbow(i, 0, self.home)
         body = add_body(world, f"{part}{i + 1}", place, mount)
         # The reduced model's single inertia with the weight in the arm's middle: slender arm plus
         # rotor. An arm heavier than its inertia allows keeps its weight by gravcomp.
@@ -185,7 +185,7 @@ class Model(Mechanism):
 
     def _nacelle(self, world: ET.Element) -> None:
         """Add the nacelle, its lateral bars and the rods' ends on them."""
-        home, size, centre = self.home, self.size, self.robot.core.body(0)
+        home, size, centre = self.home, self.size, self.robot.core.body[0]
         body = add_body(world, "nacelle", home.D, home.R)
         self._freedom(body)
         # The ideal level never uses this inertia: set it to the largest known one.
@@ -226,7 +226,7 @@ class Model(Mechanism):
 
     def _bar(self, k: int, body: ET.Element) -> ET.Element:
         """Add a lateral bar on its pivot."""
-        name, core, psi = f"bar{k + 1}", self.robot.core.body(1 + k), self.home.psi[k]
+        name, core, psi = f"bar{k + 1}", self.robot.core.body[1 + k], self.home.psi[k]
         capsule(body, "central bar", 0 * Z, core.pivot, self.size / 50)
         bar = add_body(body, name, core.pivot, turn(2, psi))
         joint(bar, "hinge", name, Z, ref=psi, frictionloss=self.effects.joint_friction)

@@ -144,14 +144,14 @@ class _Drive:
     def restart(self) -> None:
         """Restart at home."""
         self.body.stand(self.body.mechanism.home)
-        self.bus = _core.Slow(self.slow) if any(self.slow) else None
         self.pending = self.closing = np.zeros(self.robot.m)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
         self.stopped = ""
         safety, limits = self.plant.safety, self.limits
         guard = safety.guard(limits) if safety and limits else None
-        self.state = _core.ExternalControl(guard)
+        given = self.believed.core, self.settings, self.known, self.monitor, self.slow
+        self.state = _core.ExternalControl(*given, guard)
         if guard:
             cycle = 0
             while self.state.starts(cycle):  # the brakes hold the robot
@@ -162,13 +162,8 @@ class _Drive:
 
     def _step(self, end: Array, now: float, sensed: Array, frozen: bool = False) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
-        core, q_e = self.believed.core, sensed
-        x, rate, faster = _core.setpoint(core, self.at, end, self.plant.duration, now)[:3]
-        if self.bus is not None:
-            q_e = self.bus.deliver(self.robot.m, q_e)
-        by = self.known, self.bus, self.monitor
-        status, _ = self.state.step(core, self.settings, x, rate, faster, q_e, *by, frozen)
-        return int(status)
+        move = self.at, end, self.plant.duration, now
+        return int(self.state.step(*move, sensed, frozen)[0])
 
     def _theta(self) -> float:
         frame = self.body.frame()
@@ -177,7 +172,7 @@ class _Drive:
     def go(self, x_d: Array, time: float) -> tuple:
         """Move to a pose, wait for rest, and read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
-        _, status, chain = _core.ikm(self.believed.core, np.ascontiguousarray(x_d[None]), False)
+        _, status, chain = _core.ikm(self.believed.core, x_d, False)
         if status[0] > 0:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")

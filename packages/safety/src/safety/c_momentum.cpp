@@ -22,29 +22,30 @@ Outcome sound(const MomentumSettings& s) {
 }
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
-size_t truepose_momentum_observer_size(void) { return sizeof(c::Observer); }
+size_t truepose_momentum_observer_size(void) { return sizeof(Observer); }
 
 truepose_outcome truepose_momentum_defaults(const truepose_model* model,
                                             const truepose_control_settings* settings,
                                             truepose_momentum_settings* momentum) {
-  return c::derived(model, settings, momentum, default_momentum);
+  return derived(model, settings, momentum, default_momentum);
 }
 
 truepose_outcome truepose_fault_monitor_momentum(truepose_fault_monitor* monitor,
                                                  truepose_momentum_observer* observer, size_t size,
                                                  const truepose_momentum_settings* momentum) {
-  return c::with(monitor)([&](c::FaultTolerantSetup& setup) {
+  return with(monitor)([&](FaultTolerantSetup& setup) {
     MomentumSettings all;
-    const Outcome outcome = momentum ? c::take(*momentum, all) : Outcome{};
+    const Outcome outcome = momentum ? take(*momentum, all) : Outcome{};
     if (!outcome || !momentum) {
       if (outcome) setup.settings.supervisor = nullptr;
       return outcome;
     }
-    return c::begun(c::sound(all), observer, size, [&](c::Observer& made) {
+    return begun(sound(all), observer, size, [&](Observer& made) {
       made.observer.settings = all;
       setup.settings.supervisor = &made.observer;
-      return Outcome{};
     });
   });
 }
@@ -52,20 +53,18 @@ truepose_outcome truepose_fault_monitor_momentum(truepose_fault_monitor* monitor
 truepose_outcome truepose_fault_monitor_observe(const truepose_model* model,
                                                 truepose_fault_monitor* monitor,
                                                 const truepose_real* torque) {
-  return c::with(model, monitor)([&](const Robot& robot, c::FaultTolerantSetup& setup) {
+  return with(model, monitor)([&](const Robot& robot, FaultTolerantSetup& setup) {
     if (Supervisor* const supervisor = setup.settings.supervisor)
       supervisor->observe(robot, setup.settings.monitor.period, !setup.state.stops,
-                          c::in<Joint>(torque), setup.state.monitor);
-    return Outcome{};
+                          in<Joint>(torque), setup.state.monitor);
   });
 }
 
 truepose_outcome truepose_fault_monitor_disturbance(const truepose_fault_monitor* monitor,
                                                     truepose_disturbance* disturbance) {
-  return c::with(monitor)([&](const c::FaultTolerantSetup& setup) {
+  return with(monitor)([&](const FaultTolerantSetup& setup) {
     const Supervisor* const supervisor = setup.settings.supervisor;
-    c::out(supervisor ? supervisor->disturbance() : DisturbanceReport{}, disturbance);
-    return Outcome{};
+    out(supervisor ? supervisor->disturbance() : DisturbanceReport{}, disturbance);
   });
 }
 }

@@ -22,24 +22,23 @@ void mark(const truepose_safety_marks& from, SafetyCycle& cycle) {
 }  // namespace
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 const char* truepose_stop_cause_text(int32_t cause) {
   return cause >= 0 && cause < kCauses ? kCauseTable[static_cast<std::size_t>(cause)].name : "";
 }
 
-size_t truepose_safety_shell_size(void) { return sizeof(c::Shell); }
+size_t truepose_safety_shell_size(void) { return sizeof(Shell); }
 
 truepose_outcome truepose_safety_shell_init(truepose_safety_shell* shell, size_t size,
                                             const truepose_model* model,
                                             const truepose_safety_limits* limits) {
-  return c::with(model)([&](const Robot& robot) {
+  return with(model)([&](const Robot& robot) {
     SafetyLimits all;
-    Outcome sound = c::take(*limits, all);
+    Outcome sound = take(*limits, all);
     if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
-    return c::begun(sound, shell, size, [&](c::Shell& made) {
-      made.guard.limits = all;
-      return Outcome{};
-    });
+    return begun(sound, shell, size, [&](Shell& made) { made.guard.limits = all; });
   });
 }
 
@@ -48,19 +47,18 @@ truepose_outcome truepose_control_safely(
     truepose_fault_monitor* monitor, truepose_safety_shell* shell,
     const truepose_setpoint* setpoint, const truepose_real* q_e, const truepose_knowledge* known,
     truepose_real* work, const truepose_safety_marks* marks, truepose_safety_report* report) {
-  return c::with(model, controller,
-                 shell)([&](const Robot& robot, c::Controller& made, c::Shell& safe) {
-    c::FaultTolerantSetup* setup = monitor ? c::held(monitor) : nullptr;
-    if (monitor && !(setup && c::monitors(*setup, robot, finest))) return c::kUnfinished;
-    const c::Known by(robot, known, work, &made.kept, setup || made.weighs());
+  return with(model, controller, shell)([&](const Robot& robot, Controller& made, Shell& safe) {
+    FaultTolerantSetup* setup = monitor ? held(monitor) : nullptr;
+    if (monitor && !(setup && monitors(*setup, robot, finest))) return kUnfinished;
+    const Known by(robot, known, work, &made.kept, setup || made.weighs());
     if (!by.sound) return by.sound;
-    c::mark(*marks, safe.guard.next);
+    mark(*marks, safe.guard.next);
     const Monitored monitored{setup ? &setup->settings : nullptr, setup ? &setup->state : nullptr,
                               made.late};
     const Outcome outcome =
-        control_guarded(robot, made.settings, c::in<Setpoint>(setpoint), c::in<Extended>(q_e),
-                        made.state, safe.guard, by.weighing, monitored);
-    c::out<GuardReport>(safe.guard.shell, report);
+        control_guarded(robot, made.settings, in<Setpoint>(setpoint), in<Extended>(q_e), made.state,
+                        safe.guard, by.weighing, monitored);
+    out<GuardReport>(safe.guard.shell, report);
     return outcome;
   });
 }
@@ -69,22 +67,21 @@ truepose_outcome truepose_guard(const truepose_model* model, truepose_safety_she
                                 const truepose_safety_cycle* cycle,
                                 const truepose_safety_marks* marks,
                                 truepose_safety_report* report) {
-  return c::with(model, shell)([&](const Robot& robot, c::Shell& safe) {
+  return with(model, shell)([&](const Robot& robot, Shell& safe) {
     SafetyCycle core;
-    c::mark(*marks, core);
+    mark(*marks, core);
     core.answer.status = static_cast<Status>(cycle->status);
     core.suspected = cycle->suspected | cycle->lost;
     core.lost = cycle->lost != 0;
     core.disagree = cycle->disagree != 0;
-    core.x = c::in<Coordinates>(cycle->x);
-    core.q_d = c::in<Joint>(cycle->q_d);
-    core.q = c::in<Joint>(cycle->q);
-    core.error = c::in<Joint>(cycle->error);
-    core.torque = c::in<Joint>(cycle->torque);
-    core.load = c::in<Joint>(cycle->load);
+    core.x = in<Coordinates>(cycle->x);
+    core.q_d = in<Joint>(cycle->q_d);
+    core.q = in<Joint>(cycle->q);
+    core.error = in<Joint>(cycle->error);
+    core.torque = in<Joint>(cycle->torque);
+    core.load = in<Joint>(cycle->load);
     guard(robot, safe.guard.limits, core, safe.guard.shell);
-    c::out<GuardReport>(safe.guard.shell, report);
-    return Outcome{};
+    out<GuardReport>(safe.guard.shell, report);
   });
 }
 }

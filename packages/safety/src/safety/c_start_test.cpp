@@ -15,32 +15,31 @@ struct Held<truepose_start_test> : InMemory<truepose_start_test, 0x74726153U> {
 using Start = Held<truepose_start_test>;
 }  // namespace truepose::c
 
+using namespace truepose::c;
+
 extern "C" {
 const char* truepose_start_finding_text(int32_t finding) {
   const auto at = static_cast<std::size_t>(finding);
   return at < kStartFindings.size() ? kStartFindings[at] : "";
 }
 
-void truepose_start_defaults(truepose_start_settings* settings) {
-  c::out(StartSettings{}, settings);
-}
+void truepose_start_defaults(truepose_start_settings* settings) { out(StartSettings{}, settings); }
 
-size_t truepose_start_test_size(void) { return sizeof(c::Start); }
+size_t truepose_start_test_size(void) { return sizeof(Start); }
 
 truepose_outcome truepose_start_test_init(truepose_start_test* test, size_t size,
                                           const truepose_model* model,
                                           const truepose_start_settings* settings,
                                           const truepose_safety_limits* limits) {
-  return c::with(model)([&](const Robot& robot) {
+  return with(model)([&](const Robot& robot) {
     SafetyLimits all;
-    Outcome sound = c::take(*limits, all);
+    Outcome sound = take(*limits, all);
     if (settings && settings->size != sizeof *settings) sound = {Status::other_version};
     if (sound && overdriven(robot)) sound = {Status::not_square};  // locked by the others' brakes
     if (sound) sound = consistent(all, robot.motors, dof(robot.mobility));
-    return c::begun(sound, test, size, [&](c::Start& made) {
+    return begun(sound, test, size, [&](Start& made) {
       made.limits = all;
-      if (settings) made.settings = c::in<StartSettings>(settings);
-      return Outcome{};
+      if (settings) made.settings = in<StartSettings>(settings);
     });
   });
 }
@@ -49,12 +48,12 @@ truepose_outcome truepose_start_test_cycle(const truepose_model* model, truepose
                                            const truepose_real* q_e, int32_t referenced,
                                            const truepose_knowledge* known, truepose_real* work,
                                            truepose_start_report* report) {
-  return c::with(model, test)([&](const Robot& robot, c::Start& made) {
-    const c::Known by(robot, known, work);
+  return with(model, test)([&](const Robot& robot, Start& made) {
+    const Known by(robot, known, work);
     if (!by.sound) return by.sound;
-    start_test(robot, made.settings, made.limits, c::in<Extended>(q_e), referenced != 0, made.test,
+    start_test(robot, made.settings, made.limits, in<Extended>(q_e), referenced != 0, made.test,
                by.weighing);
-    c::out<StartReport>(made.test, report);
+    out<StartReport>(made.test, report);
     return Outcome{};
   });
 }

@@ -153,13 +153,8 @@ class ExactPlant:
 
     def _settle(self, given: _Given, x_d: Array, ahead: Array) -> tuple[Array, Array]:
         """Find where the motor error is zero with the tool ahead of the platform."""
-        x, status, _, by_truth = _core.settle(
-            *given,
-            False,
-            np.ascontiguousarray(x_d),
-            ahead[:, None] * self._geared,
-            self._faults,
-        )
+        off = ahead[:, None] * self._geared
+        x, status, _, by_truth = _core.settle(*given, False, x_d, off, self._faults)
         reasons = {0: "ok", _core.not_converged: "the plant does not settle here"}
         words = [
             "beyond the true robot's reach"
