@@ -2,11 +2,12 @@
 #include "estimation/estimate.hpp"
 
 namespace truepose {
-bool is_last(Real size, Real last, Real chi2, int rows) {
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole) {
   // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
   const Real enough =
       kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
-  return size < enough || (size < 1e-6 && size > 0.25 * last);
+  const bool next = whole && last < INFINITY && size * size < kPredicted * enough * last;
+  return size < enough || next || (size < 1e-6 && size > 0.25 * last);
 }
 
 Real dot(int size, const Real* a, const Real* b) {
@@ -89,14 +90,6 @@ struct Search {
   Coordinates step{};  ///< from the base
   Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
 
-  /// χ² at the present pose.
-  Real look(const Extended& q_e) {
-    innovation(robot, q_e, at.q_e, white);
-    for (int c = 0; c < rows; ++c) white[c] /= known.sigma[c];
-    C.whiten(rows, white.data(), 1);
-    return sum_of(rows, [&](int c) { return white[c] * white[c]; });
-  }
-
   /// Shortens a step with less than a quarter of the predicted decrease to the minimum of the
   /// parabola of both costs and the first slope, below 4/7 of it: where readings disagree by many
   /// σ, curvature makes steps overshoot. Inexact slopes may raise the cost along it by 2 |whitened|
@@ -171,20 +164,31 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
   return {};
 }
 
+Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+          const Extended& q_e, const Extended& expected, Extended& white) {
+  const int rows = readings(robot);
+  innovation(robot, q_e, expected, white);
+  for (int c = 0; c < rows; ++c) white[c] /= known.sigma[c];
+  C.whiten(rows, white.data(), 1);
+  return sum_of(rows, [&](int c) { return white[c] * white[c]; });
+}
+
 Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
                 const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap) {
   Search found{robot, known, C, at};
   Outcome outcome;
   int iterations = done;
   for (; outcome; ++iterations) {
-    const Real next = found.look(q_e), last = found.size;
+    const Real next = chi2(robot, known, C, q_e, at.q_e, found.white), last = found.size;
+    const bool whole = found.length == 1;
     outcome.status = std::isfinite(next) ? Status::ok : Status::not_converged;
     if (outcome && !found.shorten(next)) {
       outcome = found.turn(next);
       const bool late = iterations >= kEstimateIterations - 2 && found.size < kLateStep;
-      if (outcome && (late || is_last(found.size, last, found.cost, found.rows))) {
+      if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole))) {
         found.go(1);
-        return {{}, iterations + 1, found.cost, found.covariance};
+        const Real left = std::max(found.cost - found.promised, Real(0));
+        return {{}, iterations + 1, left, found.covariance};
       }
     }
     if (!outcome) break;

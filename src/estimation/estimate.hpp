@@ -30,10 +30,15 @@ inline constexpr Real kFlat = 0.5;
 /// is up to 0.04 on calibrated Par4s.
 inline constexpr Real kElasticSlope = 0.1;
 
+/// (step/σ)², as a share of kLastStep, below which the next step may be predicted to be: 3e-8 of a
+/// σ.
+inline constexpr Real kPredicted = 1e-5;
+
 /// Whether a Gauss-Newton step is the last.
-/// @param size  (step/σ)² of the coordinate that moves most; `last`: of the step before
-/// @param chi2  of as many readings as there are rows
-bool is_last(Real size, Real last, Real chi2, int rows);
+/// @param size   (step/σ)² of the coordinate that moves most; `last`: of the step before
+/// @param chi2   of as many readings as there are rows
+/// @param whole  the step before was taken as it was: steps shrink at least at its rate
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole = true);
 
 /// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
@@ -131,6 +136,10 @@ struct Expected {
   Extended q_e;
   PoseRows H_x;
 };
+
+/// χ² of the readings at a pose. @param white  out: their whitened residual
+Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+          const Extended& q_e, const Extended& expected, Extended& white);
 
 /// Searches for the pose of all readings by weighted Gauss-Newton.
 /// @param C     the weights
