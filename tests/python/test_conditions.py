@@ -115,8 +115,8 @@ def test_a_payload_moves_a_controllers_geometry_as_it_deflects_the_robot_at_home
     level = robot.highest_level
     H_xi = robot.linearize(robot.home, level=level)[1]
     by = columns(robot, robot.home[None], robot.is_full(level))[0] * sigmas(robot)
-    for k, (name, moved) in enumerate(directions(robot).items()):
-        assert H_xi @ moved == pytest.approx(by[:, k], rel=1e-9, abs=1e-15), name
+    for k, (one, moved) in enumerate(directions(robot).items()):
+        assert H_xi @ moved == pytest.approx(by[:, k], rel=1e-9, abs=1e-15), one
 
 
 def test_a_law_that_is_told_of_heat_is_accurate_at_once_on_a_warm_day(anywhere, rng):

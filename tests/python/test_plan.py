@@ -351,8 +351,8 @@ def test_what_cannot_be_planned_is_said(h4, asked, message):
         tp.plan_poses(h4, **asked)
 
 
-def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
-    words = ("plan", "h4", "--count", "4", "--candidates", "80", "--seed", "2")
+def test_the_command_says_what_the_function_finds(run, tmp_path):
+    h4, words = tp.load("h4"), ("plan", "h4", "--count", "4", "--candidates", "80", "--seed", "2")
     status, out, _ = run(*words, "--format", "json", "-o", "poses.csv", "--plot", "plan.svg")
     plan = tp.plan_poses(h4, 4, candidates=80, seed=2)
     rows = json.loads(out)["plan"]

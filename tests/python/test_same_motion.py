@@ -9,7 +9,7 @@ import truepose as tp
 
 @pytest.mark.parametrize("name", ["h4", "neck", "stewart"])
 def test_effects(kept, name):
-    robot, effects = tp.load(name), tp.Effects()
+    robot, effects = tp.load(name).with_file(conditions=None), tp.Effects()
     found = {"warm": effects.geometry(robot, 1800.0, seed=2), "growth": effects.growth(robot)}
     found["allowed"] = effects.allowed_for(robot)
     for group in tp.Effects.groups():
@@ -49,7 +49,7 @@ def test_laws(kept, h4, law):
 
 @pytest.mark.parametrize("name", ["h4", "stewart", "neck"])
 def test_steady_state(kept, name):
-    robot = tp.load(name)
+    robot = tp.load(name).with_file(conditions=None)
     truth, x, found = robot.sample(2), some(robot, 4), {}
     for law in ("joint", "tej", "cartesian", "weighted", "estimated"):
         found[law] = tried(tp.steady_state, robot, truth, x, law)

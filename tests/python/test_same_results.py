@@ -9,7 +9,9 @@ import truepose as tp
 
 @pytest.mark.parametrize("name", ["h4", "delta", "stewart", "neck", "3rrr"])
 def test_kinematics(kept, name):
-    robot = tp.load(name).sample(1).with_level(None)  # each method at its own level
+    robot = (
+        tp.load(name).with_file(conditions=None).sample(1).with_level(None)
+    )  # each method at its own level
     x = some(robot)
     q, found = robot.ikm(x), {}
     for method in (
@@ -43,7 +45,7 @@ def test_kinematics(kept, name):
 
 @pytest.mark.parametrize("name", ["h4", "par4", "neck", "3rpr", "linear-delta"])
 def test_robot(kept, name):
-    robot = tp.load(name).sample(2)
+    robot = tp.load(name).with_file(conditions=None).sample(2)
     found = {
         "table": robot.table(),
         "sigma": robot.reading_sigma,

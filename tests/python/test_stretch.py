@@ -186,7 +186,7 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
 def test_the_bound_counts_compliances_that_are_not_known(h4, yielding, anywhere, rng, level):
     """Against dense generalised least squares over geometry and compliances."""
     robot = yielding("h4", {"chain*.compliance": 1e-5}, (0, 0, -100)).with_level(level)
-    robot = robot.with_sensors("theta", "z_telemeter")
+    robot = robot.with_sensors("theta", "z_telemeter").with_file(conditions=None)
     x = anywhere(robot, 6, rng)
     P = tp.accuracy(robot, x, model_error=False)
     H_x, H_xi = robot.expected().linearize(x)

@@ -22,7 +22,7 @@ def robot_file(tmp_path, old, new):
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new), encoding="utf-8")
-    raise tp.RobotFileError(CliRunner().invoke(app, ["check", str(path)]).output)
+    raise tp.RobotFileError(CliRunner().invoke(app, ["check", str(path)]).output.strip())
 
 
 def log(column, change):

@@ -55,8 +55,8 @@ class Condition(NamedTuple):
 def lengths(robot: Description) -> dict[str, dict[str, float]]:
     """Return what a part's relative growth by 1 adds to parameters, by part: base, arm1, rod1, ….
 
-    The base or their mounting carries the origins of sensors, the platform their targets. The encoder of a leg grows
-    with it: it reads less.
+    The base or their mounting carries the origins of sensors, the platform their targets. The
+    encoder of a leg grows with it: it reads less.
     """
     result: dict[str, dict[str, float]] = {}
     chains = enumerate(robot.spec.chain, 1)

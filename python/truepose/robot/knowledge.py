@@ -204,7 +204,7 @@ def in_control(
     direction of the geometry, Σ_ξ = S Sᵀ + Σ_k g_k g_kᵀ with g_k of 1σ.
     """
     names, column, every = uncertain(robot), dict(columns(robot.spec)), list(robot.parameters)
-    moved = np.array([*conditions.directions(robot).values()]).reshape(-1, len(every)).T
+    moved: Array = np.array([*conditions.directions(robot).values()]).reshape(-1, len(every)).T
     names += [
         name
         for name, by in zip(every, moved.any(axis=1), strict=True)

@@ -152,8 +152,8 @@ class Robot(Dynamics, Shown):
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
         (or a calibration's covariance) with conditions at work, and the readings' own errors. A
-        payload's deflection counts as at home, unless compliances are unknown. The covariance holds for true
-        geometries spread about this robot's, see :meth:`expected`.
+        payload's deflection counts as at home, unless compliances are unknown. The covariance
+        holds for true geometries spread about this robot's, see :meth:`expected`.
 
         Parameters
         ----------
