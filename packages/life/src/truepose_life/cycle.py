@@ -59,11 +59,11 @@ class LifeCycle:
         The grid's keys: ``sensors``, names joined by "+", and ``scenario``, one of `SCENARIOS`; by
         default the robot's sensors in use and a warm day. Beside the laws on the frozen
         commissioning: ``conditions`` is the weighted law whose covariance includes the rates as the
-        file's [conditions] state them, ``online`` is the estimated law on
-        :class:`OnlineCalibrator` with the growth of a warm-up, ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of exchanged
-        sensors, ``new`` on a calibration from the last 100 poses alone, and ``bound`` that of an
-        observer told which change happened, with the share of the error that it cannot follow
-        (:mod:`truepose_life.bound`).
+        file's [conditions] state them, ``online`` is the estimated law on :class:`OnlineCalibrator`
+        with the growth of a warm-up, ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of
+        exchanged sensors, ``new`` on a calibration from the last 100 poses alone, and ``bound``
+        that of an observer told which change happened, with the share of the error that it cannot
+        follow (:mod:`truepose_life.bound`).
         """
         wanted = str(case.values.get("sensors", _joined(case.robot.sensors))).split("+")
         scenario = str(case.values.get("scenario", "warm day"))
