@@ -41,8 +41,9 @@ def ranges(
     figure.set_size_inches(6.4, 1.0 + 0.8 * len(rows) + 0.3 * sum(map(len, rows)))
     every = list(figure.subplots(len(rows), squeeze=False, height_ratios=[*map(len, rows)])[:, 0])
     for axes, (label, series), names in zip(every, panels.items(), rows, strict=True):
+        step = min(0.17, 0.85 / len(series))
         for k, (name, spread) in enumerate(series.items()):
-            at = [names.index(row) + 0.17 * (k - (len(series) - 1) / 2) for row in spread]
+            at = [names.index(row) + step * (k - (len(series) - 1) / 2) for row in spread]
             values = np.array([*spread.values()], dtype=float).reshape(-1, 3)
             low, middle, high = np.where(np.isfinite(values), values, np.nan).T
             axes.hlines(at, low, high, color=f"C{k}", lw=3, alpha=0.5)

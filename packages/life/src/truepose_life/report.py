@@ -125,4 +125,4 @@ def draw(figure: Any, records: Sequence[Mapping[str, Any]]) -> None:
     for axes in ranges(figure, panels, "change"):
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
-    figure.set_size_inches(8.0, 14.0)
+    figure.set_size_inches(8.0, 20.0)
