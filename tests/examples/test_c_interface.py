@@ -269,11 +269,11 @@ int main(void) {
   if (truepose_with_parameters(&drawn, 1, &wrong, value, &changed, sizeof changed).status !=
       TRUEPOSE_NO_SUCH_PART) return 1;
   log.rows = 0;
-  if (truepose_calibrate(&drawn, &h4_knowledge, mean, &log, &fit).status != TRUEPOSE_NO_SUCH_PART)
+  if (truepose_calibrate(&drawn, &h4_prior, mean, &log, &fit).status != TRUEPOSE_NO_SUCH_PART)
     return 2;
   log.rows = ROWS;
-  if (truepose_calibrate(&drawn, &h4_knowledge, mean, &log, &fit).status != TRUEPOSE_OK) return 3;
-  truepose_with_parameters(&drawn, P, h4_column, value, &changed, sizeof changed);
+  if (truepose_calibrate(&drawn, &h4_prior, mean, &log, &fit).status != TRUEPOSE_OK) return 3;
+  truepose_with_parameters(&drawn, P, h4_prior_column, value, &changed, sizeof changed);
   truepose_real q[TRUEPOSE_MOTORS];
   truepose_ikm(&changed, h4_finest.home, q);
   printf("%d %.17g\\n", (int)fit.used, fit.rms);

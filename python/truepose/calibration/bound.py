@@ -148,7 +148,7 @@ def accuracy(
     1.09 1.15
     >>> P = tp.accuracy(h4, poses, calibrated_on=poses, reference_pose=h4.home)
     >>> round(1e3 * P.rms, 2), P.shape
-    (0.16, (625, 4, 4))
+    (0.23, (625, 4, 4))
     """
     require_robot(robot)
     knowledge.require_uncertain(robot)

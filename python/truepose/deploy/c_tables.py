@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from truepose import files
+from truepose import _core, files
 from truepose.arguments import Array
 from truepose.control import delays
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import Robot
-from truepose.robot.knowledge import in_control
+from truepose.robot.knowledge import in_control, knowledge
 from truepose.robotfile.to_core import columns
 
 #: Kind of file, for :func:`truepose.files.mark`.
@@ -63,7 +63,8 @@ def to_c(
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
 
     Below its highest level a robot has a second description, ``NAME_finest``, for weighted laws and
-    fault monitor. The controller's gains are placed at home. Multirate and delayed sensors make a
+    fault monitor. Where the file states conditions, calibrations begin with a ``NAME_prior``. The
+    controller's gains are placed at home. Multirate and delayed sensors make a
     ``NAME_multirate``. Raises InputError for an invalid name.
     """
     robot.require_chains("C tables")
@@ -72,7 +73,9 @@ def to_c(
     two = robot.r > 0 and finest.level != robot.level
     parts = [_description(name, robot)]
     parts += [_description(f"{name}_finest", finest)] if two else []
-    parts += [_knowledge(name, robot)] if robot.r else []
+    parts += [_knowledge(robot, name, in_control(robot), "_knowledge")] if robot.r else []
+    if robot.r and robot.spec.conditions:
+        parts.append(_knowledge(robot, f"{name}_prior", knowledge(robot).core))
     if controller is not None:
         parts.append(_settings(name, "control", controller.settings(robot, robot.home)))
         if robot.r and monitor is not None:
@@ -153,8 +156,7 @@ def _description(name: str, robot: Robot) -> str:
     )
 
 
-def _knowledge(name: str, robot: Robot) -> str:
-    known = in_control(robot)
+def _knowledge(robot: Robot, name: str, known: _core.Knowledge, suffix: str = "") -> str:
     count, column, root = len(known.column), known.column, known.root
     named = {at: parameter for parameter, at in columns(robot.spec)}
     names = [named[at] for at in column]
@@ -165,7 +167,7 @@ def _knowledge(name: str, robot: Robot) -> str:
         f"/* Uncertain parameters: {', '.join(names) or 'none'}. */\n"
         f"static const int32_t {name}_column[] = {_numbers(column)};\n"
         f"static const truepose_real {name}_root[{count or 1} * {count or 1}] =\n   {values};\n"
-        f"static const truepose_knowledge {name}_knowledge = {{\n"
+        f"static const truepose_knowledge {name}{suffix} = {{\n"
         f"  {count}, {name}_column, {name}_root,\n  {_numbers(known.sigma)} /* sigma */\n}};\n"
     )
 

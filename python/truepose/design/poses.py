@@ -97,7 +97,7 @@ def plan_poses(
     >>> import truepose as tp
     >>> plan = tp.plan_poses(tp.load("h4").with_sensors("theta", "z_telemeter"), 20)
     >>> print((1e3 * plan.sigma[[0, 10, 20], -1]).round(2))  # mm: before, after 10, after 20
-    [5.02 0.76 0.71]
+    [5.02 0.77 0.71]
     >>> print(plan.poses.shape, plan.gain < 0.95)
     (20, 4) True
     """

@@ -40,7 +40,7 @@ class Use:
     >>> referenced = tp.design.Use(reference_pose=h4.home)
     >>> errors = [tp.design.error_budget(h4, use).error for use in (tp.design.Use(), referenced)]
     >>> print([round(1e3 * error, 1) for error in errors])  # mm
-    [12.0, 0.3]
+    [12.0, 0.4]
     """
 
     poses: ArrayLike | None = None  #: (T, n) where it counts; None: 32 over the workspace

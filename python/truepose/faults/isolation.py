@@ -137,7 +137,7 @@ def isolate(
     --------
     >>> import numpy as np, truepose as tp
     >>> from truepose.robot.workspace import workspace_grid
-    >>> h4 = tp.load("h4")  # one redundant sensor
+    >>> h4 = tp.load("h4").with_file(conditions=None)  # one redundant sensor; as calibrated
     >>> there = h4.read(workspace_grid(h4)[::6], seed=1)
     >>> learnt = tp.calibrate(h4, there).robot
     >>> tp.faults.isolate(learnt, there).faulty

@@ -227,10 +227,10 @@ def detectability(
     >>> for visited in (None, poses):
     ...     found = tp.faults.detectability(h4, poses, visited, false_alarm=1e-6)
     ...     print(np.degrees(np.median(found.detected, axis=0)).round(2))
-    [116.3  116.23   8.32   8.32  21.38]
-    [0.87 0.87 0.06 0.06 0.16]
+    [116.31 116.24   8.32   8.32  21.38]
+    [1.39 1.39 0.1  0.1  0.26]
     >>> np.isinf(found.isolated).all(), np.degrees(found.moving_isolated).round(2)
-    (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
+    (np.True_, array([0.45, 0.44, 0.49, 0.49, 0.13]))
     """
     require_robot(robot)
     alpha = FALSE_ALARM if false_alarm is None else false_alarm

@@ -207,8 +207,8 @@ def in_control(
     moved: Array = np.array([*conditions.directions(robot).values()]).reshape(-1, len(every)).T
     names += [
         name
-        for name, by in zip(every, moved.any(axis=1), strict=True)
-        if by and name in column and name not in names
+        for name, by in zip(every, moved, strict=True)
+        if by.any() and name in column and name not in names
     ]
     S = root(robot, names)
     if moved.size:
