@@ -26,21 +26,17 @@ Outcome read(const Robot& robot, const FullClosure& at, Extended& q_e) {
                                           Parasitic& rest) {
   FullPose full = to_full(pose);
   FullClosure closure;
-  const int most = std::min(kFkmStart, rest.most(false));
-  if (most < 1) return Status::not_converged;
-  const FkmResult result = fkm(robot, q, full, closure, most, rest);
-  const Status status = result.status;
-  rest.take(result.iterations);
+  const Status status = fkm(robot, q, full, closure, kFkmStart, rest).status;
   if (status != Status::ok) return status;
   // D and θ are the coordinates; tilt and bars follow from them.
   pose = full;
   if (is_mechanism(robot.mobility)) {
-    closure.note(stand(robot, closure.built, q, pose), rest);
+    rest = closure.residual(stand(robot, closure.built, q, pose));
     return status;
   }
   pose.R = turns_about_z(robot.mobility) ? rotation_z(pose.theta) : Mat3::Identity();
   if (Closure ideal; ikm(robot, pose, ideal))
-    closure.note(stand(robot, closure.built, ideal.q(), pose), rest);
+    rest = closure.residual(stand(robot, closure.built, ideal.q(), pose));
   return status;
 }
 }  // namespace
