@@ -443,10 +443,10 @@ def test_what_cannot_be_chosen_is_said(h4, asked, message):
         tp.select_sensors(h4, **{"prices": PRICES, **asked})
 
 
-def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
+def test_the_command_says_what_the_function_finds(run, tmp_path):
     words = ("design", "h4", "--price", "theta=90,z_telemeter=400,wire1=250,wire2=250,pivot1=40")
     status, out, err = run(*words, "--budget", "400", "--format", "json", "--plot", "front.svg")
-    found = tp.select_sensors(h4, PRICES, budget=400)
+    found = tp.select_sensors(tp.load("h4"), PRICES, budget=400)
     rows = json.loads(out)["design"]
     assert status == 0 and [row["price"] for row in rows] == [c.price for c in found.front]
     assert [row["position (mm)"] for row in rows] == pytest.approx(

@@ -122,8 +122,7 @@ def command(
     cannot follow is refused before the start.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
-    then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**, or with the limits of the
-    safety shell **truepose simulate h4 --safety --all --fault frame:stuck@0.1**
+    then **truepose simulate h4 --fault theta:stuck@0.05 --monitor**
     """
     if start_test:
         raise InputError(moved.where("--start-test: truepose start-test ROBOT", "safety"))
