@@ -46,9 +46,8 @@ def to_json(robot: Robot) -> str:
         "home": list(robot.spec.home),
         "workspace": {"minimum": (low - margin).tolist(), "maximum": (high + margin).tolist()},
         "chains": [
-            {"actuator": chain.actuator}
-            | {name: np.asarray(getattr(chain, name)).tolist() for name in _SHAPE}
-            for chain in map(drawn.chain, range(drawn.chains))
+            {name: chain[name].tolist() for name in ("actuator", *_SHAPE)}
+            for chain in drawn.chain[: robot.m]
         ],
         "parameters": [
             {"name": name, "unit": unit_of(robot, name), "column": column, "mean": expected}
