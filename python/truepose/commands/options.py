@@ -43,6 +43,14 @@ RobotName = Annotated[
 Seed = Annotated[
     int, Option(min=0, help="Seed of all random numbers; the same seed repeats a run.")
 ]
+TrueRobot = Annotated[
+    str,
+    Option(
+        help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
+        "name or file.",
+        autocompletion=completing(lambda: ("drawn", "nominal", *list_robots())),
+    ),
+]
 SensorsOption = Annotated[
     str | None,
     Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),

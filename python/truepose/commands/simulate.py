@@ -17,7 +17,7 @@ from truepose.exceptions import InputError, PoseError
 from truepose.faults.monitor import FaultMonitor
 from truepose.logs.reading import read_poses, read_samples
 from truepose.plugins import plugins
-from truepose.robot import Law, Robot, laws, list_robots
+from truepose.robot import Law, Robot, laws
 from truepose.robot.frames import frames
 from truepose.show import Cell, Table, figure_of, tabled
 from truepose.show.terminal import Format, progress, show
@@ -68,12 +68,7 @@ def command(
         help="Control law; joint is standard control, tej the paper's law.",
         show_default="tej; joint where no sensor is in use",
     ),
-    true: str = Option(
-        "drawn",
-        help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
-        "name or file.",
-        autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
-    ),
+    true: options.TrueRobot = "drawn",
     effects: str = options.effects_option(
         "none", "Effects that the model omits: all, none, or some: friction,delay,…"
     ),

@@ -3,7 +3,6 @@
 from typer import Option
 
 from truepose.commands import options
-from truepose.robot.robot import list_robots
 from truepose.show.terminal import Format, show
 from truepose_safety.start_test import start_test
 
@@ -11,12 +10,7 @@ from truepose_safety.start_test import start_test
 def command(
     robot: options.RobotName,
     start: str | None = Option(None, "--from", metavar="X,Y,…", help="Pose at rest, m and rad."),
-    true: str = Option(
-        "drawn",
-        help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
-        "name or file.",
-        autocompletion=options.completing(lambda: ("drawn", "nominal", *list_robots())),
-    ),
+    true: options.TrueRobot = "drawn",
     effects: str = options.effects_option(
         "none", "Effects that the model omits: all, none, or some: friction,delay,…"
     ),
