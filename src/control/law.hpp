@@ -83,12 +83,29 @@ struct Reference {
   SensorRows jr;
   ExtendedColumns M;
   ExtendedRows tej;
-  Pose pose;  ///< laws of the pose: x̂ of the readings q_de
+  Pose pose;           ///< laws of the pose: x̂ of the readings q_de
+  Parasitic rest;      ///< residual motion at x_d, and the steps left to the cycle
+  PoseRows H_x;        ///< laws that weigh: at x_d; without cached weights, `work` has H_ξ there
+  std::uint64_t mark;  ///< fingerprint of robot and knowledge; 0: no cache
+  bool cached;         ///< the cached weights are valid at x_d
+};
+
+/// Steps that the closings of a control cycle may take (Parasitic): on paths up to 16. A search for
+/// x̂ that has none left goes on in the next cycle.
+inline constexpr int kCycleSteps = 18;
+/// Those of a robot: a described mechanism's closings, which start at its home, are not counted.
+constexpr int cycle_steps(const Robot& robot) {
+  return is_mechanism(robot.mobility) ? kUncounted : kCycleSteps;
+}
+
+/// What a controller keeps for its next cycle.
+struct Nearby : Parasitic {
+  Ongoing search;  ///< for x̂
 };
 
 /// Computes a law's reference at x_d.
 /// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)
-/// @param weighing  for the weighted law
+/// @param weighing  for laws that weigh; its `work` stays as it is until motor_error
 /// @param nearby    null, or the full level's residual motion at the last x_d, then at this one
 /// @return near_singular: J is damped; not_measured:
 /// the law needs knowledge, or a redundant reading, and there is none; joint_limit: a motor
@@ -97,14 +114,12 @@ struct Reference {
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference,
               Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr);
 
-/// x̂ of a law of the pose, near the desired pose. @param nearby  residual motion there
-Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
-                   Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
-
-/// Motor error under a law. @param found  out, laws of the pose only: x̂
+/// Motor error under a law.
+/// @param found   out, laws of the pose only: x̂
+/// @param search  null, or where that for x̂ starts, then where the next one does
 Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
                     Joint& error, Pose& found, const Weighing& weighing = {},
-                    const Parasitic& nearby = {});
+                    Ongoing* search = nullptr);
 
 /// Outputs of a servo cycle.
 struct ServoCycle {
@@ -118,9 +133,9 @@ struct ServoCycle {
 /// One servo cycle for drives that close their own loops: IKM, assembly mode, J, TEJ, ê_q.
 /// @param error  out: ê_q
 /// @param band   conditioning below which J and J⁻¹ are damped (0: never)
-/// @param kept   as `nearby` of refer()
+/// @param kept   null, or what a controller keeps: it then takes at most cycle_steps()
 /// @param cycle  out unless null
 Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
                     Joint& error, Real band = 0, const Weighing& weighing = {},
-                    Parasitic* kept = nullptr, ServoCycle* cycle = nullptr);
+                    Nearby* kept = nullptr, ServoCycle* cycle = nullptr);
 }  // namespace truepose

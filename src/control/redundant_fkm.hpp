@@ -19,18 +19,30 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
 /// Steps from x_d after which the search restarts at the motors' pose.
 inline constexpr int kNearIterations = 5;
 
-/// x̂ of all readings, searched from the desired pose with the weights there.
-/// @param work, rest  as of `estimate`
-Outcome find(const Robot& robot, const Knowledge& known, Real* work, const Pose& desired,
-             const Extended& q_e, Pose& found, Parasitic rest);
+/// Where the next cycle's search for x̂ starts: one that has no steps left goes on.
+struct Ongoing {
+  int steps = -1;  ///< that it has taken; -1: it starts at x_d
+  Pose pose;
+  int left = 0;  ///< steps of closings that the last cycle has left
+};
+
+/// x̂ of all readings, searched from the desired pose, then from the motors' pose.
+/// @param C        the weights
+/// @param desired  linearised there
+/// @param rest     residual motion there, and the steps that closings may take
+/// @param on       in, out
+/// @return not_converged also where no steps are left: `on` then tells where the search goes on
+Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
+             Pose& found);
 
 /// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
 /// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order
 /// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
 /// @param near    start of the least squares; its D is on the platform's side of the spheres
-/// @param nearby  residual motion there
-Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
-                      const Parasitic& nearby, Pose& pose);
+/// @param nearby, on  as of `find`
+Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near, Parasitic nearby,
+                      Ongoing& on, Pose& pose);
 
 /// The same for coordinates x of any mobility, from the robot's home.
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x);

@@ -225,15 +225,22 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
   if (!equations.regular()) return {Status::singular, -1};
   Readings by(robot, built, at, theta);
   for (int c = 0; c < by.count; ++c) std::copy_n(by.e[c].begin() + by.m, by.n, H_x[c].begin());
+  // e_u u, for a motion u of the unknown freedoms
+  const auto seen = [&](int c, const Unknowns& u) {
+    return sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
+  };
+  for (int j = 0; j < by.n; ++j) {
+    std::array<Real, engine::kClosures> f;
+    for (int rod = 0; rod < m.closures; ++rod) f[rod] = equations.by[rod][by.m + j];
+    const Unknowns u = equations.solve(f.data());
+    for (int c = 0; c < by.count; ++c) H_x[c][j] -= seen(c, u);
+  }
+  if (!H_xi) return {};
   for (int rod = 0; rod < m.closures; ++rod) {
     const Unknowns u = equations.column(rod);
-    const engine::Row row = engine::row(m, at, rod);
-    for (int c = 0; c < by.count; ++c) {
-      by.S[c][rod] = sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
-      for (int j = 0; j < by.n; ++j) H_x[c][j] -= by.S[c][rod] * row[by.m + j];
-    }
+    for (int c = 0; c < by.count; ++c) by.S[c][rod] = seen(c, u);
   }
-  if (H_xi) by.parameter_columns(H_xi);
+  by.parameter_columns(H_xi);
   return {};
 }
 

@@ -111,7 +111,7 @@ inline int sensor_column(const Robot& robot, int sensor) {
 ///
 ///     A δu + X δx + f_ξ δξ = 0        δq_e = e_u δu + e_x δx + e_ξ δξ
 ///
-/// so that S = e_u A⁻¹, one row per reading, gives H_x = e_x - S X and H_ξ = e_ξ - S f_ξ.
+/// so that H_x = e_x - e_u A⁻¹ X and, with S = e_u A⁻¹ of one row per reading, H_ξ = e_ξ - S f_ξ.
 /// @return also singular, with the chain whose arm is stretched, or -1
 Outcome linearise(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
                   Extended& q_e, PoseRows& H_x, Real* H_xi);
