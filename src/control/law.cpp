@@ -70,6 +70,7 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
   PoseRows H_x;
   Extended expected = reference.q_e;
   pose = reference.closure.pose;
+  const Real least = rest.left == kUncounted ? kLastStep : kLateStep;
   Outcome outcome = cached_weights(robot, weighing, reference, at);
   Real last = INFINITY;
   for (int left = kNearIterations; outcome; --left) {
@@ -81,7 +82,7 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
     for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     pose = moved(robot.mobility, pose, step);
-    if (is_last(size, last, chi2, n + robot.r)) return outcome;
+    if (is_last(size, last, chi2, n + robot.r, true, least)) return outcome;
     if (left == 0) break;
     last = size;
     outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, &rest);
@@ -95,16 +96,19 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
 Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, const Extended& q_e,
              Ongoing& on, Pose& found) {
   if (reference.mark && on.steps < 0) {
-    if (const Outcome near =
-            find_by_cache(robot, weighing, reference, q_e, reference.rest, found)) {
-      on.left = reference.rest.left;
-      return near;
+    const Pose& desired = reference.closure.pose;
+    Outcome near = find_by_cache(robot, weighing, reference, q_e, reference.rest, found);
+    const int left = reference.rest.left;
+    if (near) {
+      const Coordinates off = difference(robot.mobility, found, desired);
+      on = {-1, 0, true, 0, off, off};
     }
     // The next cycle searches with fresh weights.
-    if (reference.rest.left != kUncounted) {
-      on = {0, reference.closure.pose, reference.rest.left};
-      return {Status::not_converged};
+    else if (left != kUncounted) {
+      near = go_on(robot, desired, found, 0, on, found);
     }
+    on.left = left;
+    if (near || left != kUncounted) return near;
   }
   ReadingCovariance C;
   const Outcome outcome = fresh_weights(robot, weighing, reference, C);

@@ -17,6 +17,16 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
   return fkm_closed(robot, motors_of(robot, q_e), pose.R, near_side, pose.D);
 }
 
+Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
+              Pose& pose) {
+  on.steps = steps;
+  on.at = difference(robot.mobility, at, desired);
+  pose = on.known ? moved(robot.mobility, desired, on.good) : at;
+  if (++on.cycles < kSearchCycles) return {};
+  on = {};
+  return {Status::not_converged};
+}
+
 Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
              const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
              Pose& found) {
@@ -27,34 +37,38 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
     at.pose = pose;
     return linearise(level, robot, pose, at.q_e, at.H_x, nullptr, &rest);
   };
-  if (on.steps >= 0) {  // from the last iterate or x̂, unless x_d is nearer
+  if (on.known || on.steps >= 0) {  // unless x_d is nearer
     const Real far = chi2(robot, known, C, q_e, desired.q_e, white);
-    if (!go_to(on.pose) || !(chi2(robot, known, C, q_e, at.q_e, white) < far))
+    const Pose start = moved(robot.mobility, desired.pose, on.at);
+    if (!go_to(start) || !(chi2(robot, known, C, q_e, at.q_e, white) < far))
       at = desired, on.steps = -1;
   }
-  const bool near = on.steps < 0;
-  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0),
-                           near ? kNearIterations : kEstimateIterations);
-  on.steps = result && near ? -1 : result.iterations;
-  if (!result && near && rest.most(true) > 0) {
+  int cap = on.steps < 0 ? kNearIterations : kEstimateIterations;
+  Estimate result =
+      search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap);
+  if (!result && cap == kNearIterations && rest.most(true) > 0) {
     // The ideal level's, which is near the full level's and has bounded work.
     const Level start = is_mechanism(robot.mobility) ? level : Level::ideal;
     Pose pose = desired.pose;
     const Status motors = motors_pose(start, robot, motors_of(robot, q_e), pose, rest);
     const bool closed = motors == Status::ok || motors == Status::not_converged;
     result = {go_to(closed ? pose : desired.pose)};
-    if (result) result = search(level, robot, known, C, q_e, at, rest, 0, kEstimateIterations);
-    on.steps = result.iterations;
+    cap = kEstimateIterations;
+    if (result) result = search(level, robot, known, C, q_e, at, rest, 0, cap);
   }
-  on.pose = at.pose;
-  on.left = rest.left;
-  if (result) {
+  const int left = rest.left;
+  Outcome outcome = result.outcome;
+  if (outcome) {
     found = at.pose;
-    on.steps = std::min(on.steps, 0);
-  } else if (rest.most(true) > 0 || on.steps >= kEstimateIterations) {
-    on.steps = -1;
+    const Coordinates off = difference(robot.mobility, found, desired.pose);
+    on = {-1, 0, true, 0, off, off};
+  } else if (rest.most(true) < 1 && result.iterations < cap) {
+    outcome = go_on(robot, desired.pose, at.pose, result.iterations, on, found);
+  } else {
+    on = {};
   }
-  return result.outcome;
+  on.left = left;
+  return outcome;
 }
 
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near, Parasitic nearby,

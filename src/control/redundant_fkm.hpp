@@ -16,22 +16,35 @@ inline bool in_closed_form(const Robot& robot) {
 /// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose);
 
-/// Steps from x_d after which the search restarts at the motors' pose.
+/// Steps from x_d or the last x̂ after which the search restarts at the motors' pose.
 inline constexpr int kNearIterations = 5;
 
-/// Where the next cycle's search for x̂ starts: one that has no steps left goes on.
+/// Cycles in a row in which a search may have no steps left. On robots as built and while their
+/// geometry is learned one cycle suffices, from anywhere in the workspace a few.
+inline constexpr int kSearchCycles = 8;
+
+/// Where the next cycle's search for x̂ starts: at the last x̂, or where one that had no steps left
+/// stopped; both move along with x_d.
 struct Ongoing {
-  int steps = -1;  ///< that it has taken; -1: it starts at x_d
-  Pose pose;
-  int left = 0;  ///< steps of closings that the last cycle has left
+  int steps = -1;      ///< that an unfinished search has taken; -1: there is none
+  int cycles = 0;      ///< that it has taken
+  bool known = false;  ///< whether there is an x̂
+  int left = 0;        ///< steps of closings that the last cycle has left
+  Coordinates good{};  ///< last x̂ minus its x_d
+  Coordinates at{};    ///< where the search stopped, minus x_d
 };
 
-/// x̂ of all readings, searched from the desired pose, then from the motors' pose.
+/// Notes that a search has no steps left in this cycle. @param at  where it goes on
+/// @param pose  out: the answer meanwhile, the last x̂, moved along with x_d; `at` where there is none
+/// @return not_converged after kSearchCycles: the next search starts at x_d
+Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
+              Pose& pose);
+
+/// x̂ of all readings, searched from the last one or x_d, then from the motors' pose.
 /// @param C        the weights
 /// @param desired  linearised there
 /// @param rest     residual motion there, and the steps that closings may take
 /// @param on       in, out
-/// @return not_converged also where no steps are left: `on` then tells where the search goes on
 Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
              const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
              Pose& found);

@@ -2,10 +2,10 @@
 #include "estimation/estimate.hpp"
 
 namespace truepose {
-bool is_last(Real size, Real last, Real chi2, int rows, bool whole) {
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole, Real least) {
   // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
   const Real enough =
-      kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
+      least * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
   const bool next = whole && last < INFINITY && size * size < kPredicted * enough * last;
   return size < enough || next || (size < 1e-6 && size > 0.25 * last);
 }
@@ -175,6 +175,7 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
 
 Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
                 const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap) {
+  const Real least = rest.left == kUncounted ? kLastStep : kLateStep;
   Search found{robot, known, C, at};
   Outcome outcome;
   int iterations = done;
@@ -185,7 +186,7 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
     if (outcome && !found.shorten(next)) {
       outcome = found.turn(next);
       const bool late = iterations >= kEstimateIterations - 2 && found.size < kLateStep;
-      if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole))) {
+      if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole, least))) {
         found.go(1);
         const Real left = std::max(found.cost - found.promised, Real(0));
         return {{}, iterations + 1, left, found.covariance};
@@ -197,7 +198,8 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
       return {{}, iterations, found.cost, found.covariance};
     }
     found.go(found.length);
-    const bool goes_on = all_finite(found.step, found.n) && iterations < cap;
+    const int most = found.size < kFlat ? kEstimateIterations : cap;
+    const bool goes_on = all_finite(found.step, found.n) && iterations < most;
     outcome = goes_on ? linearise(level, robot, at.pose, at.q_e, at.H_x, nullptr, &rest)
                       : Outcome{Status::not_converged, -1};
     if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings

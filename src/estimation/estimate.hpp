@@ -17,8 +17,9 @@ inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose whe
 /// error is its square, or a few per cent of it where readings disagree by several σ.
 inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
-/// The same for the last two iterations: where readings disagree and hardly determine a coordinate,
-/// steps may shrink by no more than a tenth, and a few hundredths of σ remain.
+/// The same where a search must end: at its last two iterations, and in a control cycle, whose steps
+/// are counted. 3e-3 of σ add 1e-5 of the variance; where steps shrink by no more than a tenth, a
+/// few hundredths of σ remain.
 inline constexpr Real kLateStep = 1e-5;
 
 /// Decrease of χ² that a step may still promise at the last iteration: below the readings'
@@ -30,15 +31,16 @@ inline constexpr Real kFlat = 0.5;
 /// is up to 0.04 on calibrated Par4s.
 inline constexpr Real kElasticSlope = 0.1;
 
-/// (step/σ)², as a share of kLastStep, below which the next step may be predicted to be: 3e-8 of a
-/// σ.
+/// (step/σ)², as a share of the limit of a last step, below which the next step may be predicted to
+/// be: 3e-8 of σ, in a control cycle 1e-5.
 inline constexpr Real kPredicted = 1e-5;
 
 /// Whether a Gauss-Newton step is the last.
 /// @param size   (step/σ)² of the coordinate that moves most; `last`: of the step before
 /// @param chi2   of as many readings as there are rows
 /// @param whole  the step before was taken as it was: steps shrink at least at its rate
-bool is_last(Real size, Real last, Real chi2, int rows, bool whole = true);
+/// @param least  (step/σ)² that is the last, kLastStep or kLateStep
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole = true, Real least = kLastStep);
 
 /// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
@@ -146,7 +148,7 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
 /// @param at    in: the start; out: at x̂, or where the search would go on
 /// @param rest  as of linearise, for the full level
 /// @param done  steps that this search has taken before
-/// @param cap   steps in all
+/// @param cap   steps in all, unless the last one is within σ
 Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
                 const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap);
 
