@@ -44,8 +44,7 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
       at = desired, on.steps = -1;
   }
   int cap = on.steps < 0 ? kNearIterations : kEstimateIterations;
-  Estimate result =
-      search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap);
+  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap);
   if (!result && cap == kNearIterations && rest.most(true) > 0) {
     // The ideal level's, which is near the full level's and has bounded work.
     const Level start = is_mechanism(robot.mobility) ? level : Level::ideal;

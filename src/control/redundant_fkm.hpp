@@ -35,7 +35,8 @@ struct Ongoing {
 };
 
 /// Notes that a search has no steps left in this cycle. @param at  where it goes on
-/// @param pose  out: the answer meanwhile, the last x̂, moved along with x_d; `at` where there is none
+/// @param pose  out: the answer meanwhile, the last x̂, moved along with x_d; `at` where there is
+/// none
 /// @return not_converged after kSearchCycles: the next search starts at x_d
 Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
               Pose& pose);

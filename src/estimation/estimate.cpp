@@ -193,8 +193,10 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
       }
     }
     if (!outcome) break;
-    if (iterations == kEstimateIterations && std::max(found.promised, found.size) < kFlat) {
-      found.go(0);
+    const bool spent = rest.most(true) < 1;
+    if ((spent || iterations == kEstimateIterations) &&
+        std::max(found.promised, found.size) < kFlat) {
+      found.go(spent ? found.length : 0);
       return {{}, iterations, found.cost, found.covariance};
     }
     found.go(found.length);

@@ -17,13 +17,14 @@ inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose whe
 /// error is its square, or a few per cent of it where readings disagree by several σ.
 inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
-/// The same where a search must end: at its last two iterations, and in a control cycle, whose steps
-/// are counted. 3e-3 of σ add 1e-5 of the variance; where steps shrink by no more than a tenth, a
-/// few hundredths of σ remain.
+/// The same where a search must end: at its last two iterations, and in a control cycle, whose
+/// steps are counted. 3e-3 of σ add 1e-5 of the variance; where steps shrink by no more than a
+/// tenth, a few hundredths of σ remain.
 inline constexpr Real kLateStep = 1e-5;
 
-/// Decrease of χ² that a step may still promise at the last iteration: below the readings'
-/// resolution. Where these leave a coordinate open, curvature makes Gauss-Newton creep within σ.
+/// Decrease of χ² that a step may still promise at the last iteration, or where a control cycle has
+/// no steps left: below the readings' resolution. Where these leave a coordinate open, curvature
+/// makes Gauss-Newton creep within σ.
 inline constexpr Real kFlat = 0.5;
 
 /// Share of the readings' slope that the elastic full level may neglect: its derivatives keep the

@@ -55,28 +55,67 @@ TEST("no input makes a cycle take more steps than it may") {
 TEST("a search that has no steps left goes on, and finds what one without a limit finds") {
   int went_on = 0;
   for_each_at_work([&](AtWork& at) {
-    const ControlSettings settings = settings_for(at.robot, Law::estimated);
+    const Robot& robot = at.robot;
+    const ControlSettings settings = settings_for(robot, Law::estimated);
     const Weighing weighing = at.prior.weighing();
     const auto trouble = at.trouble(350);
     for (std::size_t k = 0; k < trouble.size(); ++k) {
-      if (k % 7 > 3) continue;  // readings of no pose: the last steps are large (kLateStep)
+      if (k % 7 > 3) continue;  // readings of no pose: the last steps are large (kFlat)
       const AtWork::Cycle& of = trouble[k];
       Reference reference;
       Joint error{};
       Pose found;
       const bool ends =
-          refer(at.robot, Law::estimated, of.setpoint.x, reference, 0, weighing) &&
-          motor_error(at.robot, Law::estimated, reference, of.q_e, error, found, weighing);
+          refer(robot, Law::estimated, of.setpoint.x, reference, 0, weighing) &&
+          motor_error(robot, Law::estimated, reference, of.q_e, error, found, weighing);
       ControlState state;
       int cycles = 0;
-      while (cycles < 12 && !control(at.robot, settings, of.setpoint, of.q_e, state, weighing))
-        ++cycles;
-      if (!ends || cycles == 12) continue;
+      const auto answers = [&] {
+        return bool(control(robot, settings, of.setpoint, of.q_e, state, weighing));
+      };
+      while (cycles < kSearchCycles && answers() && search_of(state).steps >= 0) ++cycles;
+      if (!ends || cycles == kSearchCycles || !search_of(state).known) continue;
       went_on += cycles > 0;
-      for (int i = 0; i < at.robot.motors; ++i) CHECK_NEAR(state.error[i], error[i], 1e-6);
+      for (int again = 0; again < 4; ++again) CHECK(answers());
+      // Within 0.01 σ.
+      ReadingCovariance C;
+      Expected there{found, {}, {}};
+      Fusion fusion;
+      Parasitic rest;
+      CHECK(refer(robot, Law::estimated, of.setpoint.x, reference, 0, weighing));
+      CHECK(reading_covariance(robot, *weighing.known, weighing.work,
+                               weighing.work + readings(robot) * parameter_count(robot), C));
+      CHECK(linearise(level_of(robot), robot, found, there.q_e, there.H_x, nullptr, &rest));
+      CHECK(fuse(robot, *weighing.known, C, there.H_x, fusion));
+      const Pose answered = moved(robot.mobility, reference.closure.pose, search_of(state).good);
+      const Coordinates apart = difference(robot.mobility, answered, found);
+      for (int i = 0; i < dof(robot.mobility); ++i)
+        CHECK_NEAR(apart[i], 0, 0.01 * std::sqrt(fusion.covariance[i][i]));
     }
   });
   CHECK(went_on > 100);
+}
+
+TEST("meanwhile a law answers from the last pose, which moves along with the setpoint") {
+  for_each_at_work([](AtWork& at) {
+    const Robot& robot = at.robot;
+    const ControlSettings settings = settings_for(robot, Law::estimated);
+    const Weighing weighing = at.prior.weighing();
+    const auto motion = at.motion(20), trouble = at.trouble(350);
+    for (const AtWork::Cycle& wrong : trouble) {
+      ControlState state;
+      for (const AtWork::Cycle& usual : motion)
+        CHECK(control(robot, settings, usual.setpoint, usual.q_e, state, weighing));
+      const Coordinates before = search_of(state).good;
+      for (int cycles = 1; cycles <= kSearchCycles; ++cycles) {
+        const Outcome answer =
+            control(robot, settings, motion.back().setpoint, wrong.q_e, state, weighing);
+        if (search_of(state).steps < 0) break;
+        CHECK(answer && cycles < kSearchCycles);
+        for (int i = 0; i < dof(robot.mobility); ++i) CHECK(search_of(state).good[i] == before[i]);
+      }
+    }
+  });
 }
 
 TEST("the law's x̂ solves its own least squares") {
