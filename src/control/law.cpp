@@ -70,7 +70,7 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
   PoseRows H_x;
   Extended expected = reference.q_e;
   pose = reference.closure.pose;
-  const Real least = rest.left == kUncounted ? kLastStep : kLateStep;
+  const bool counted = rest.left != kUncounted;
   Outcome outcome = cached_weights(robot, weighing, reference, at);
   Real last = INFINITY;
   for (int left = kNearIterations; outcome; --left) {
@@ -82,7 +82,8 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
     for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     pose = moved(robot.mobility, pose, step);
-    if (is_last(size, last, chi2, n + robot.r, true, least)) return outcome;
+    if (is_last(size, last, chi2, n + robot.r) || is_late(size, kNearIterations - left, counted))
+      return outcome;
     if (left == 0) break;
     last = size;
     outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, &rest);
@@ -101,7 +102,7 @@ Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, 
     const int left = reference.rest.left;
     if (near) {
       const Coordinates off = difference(robot.mobility, found, desired);
-      on = {-1, 0, true, 0, off, off};
+      on = {-1, 0, true, false, 0, off, off};
     }
     // The next cycle searches with fresh weights.
     else if (left != kUncounted) {

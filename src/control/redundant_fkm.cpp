@@ -37,7 +37,7 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
     at.pose = pose;
     return linearise(level, robot, pose, at.q_e, at.H_x, nullptr, &rest);
   };
-  if (on.known || on.steps >= 0) {  // unless x_d is nearer
+  if (on.slow || on.steps >= 0) {  // unless x_d is nearer
     const Real far = chi2(robot, known, C, q_e, desired.q_e, white);
     const Pose start = moved(robot.mobility, desired.pose, on.at);
     if (!go_to(start) || !(chi2(robot, known, C, q_e, at.q_e, white) < far))
@@ -60,7 +60,7 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
   if (outcome) {
     found = at.pose;
     const Coordinates off = difference(robot.mobility, found, desired.pose);
-    on = {-1, 0, true, 0, off, off};
+    on = {-1, 0, true, result.iterations > kQuickSteps, 0, off, off};
   } else if (rest.most(true) < 1 && result.iterations < cap) {
     outcome = go_on(robot, desired.pose, at.pose, result.iterations, on, found);
   } else {

@@ -23,12 +23,13 @@ inline constexpr int kNearIterations = 5;
 /// geometry is learned one cycle suffices, from anywhere in the workspace a few.
 inline constexpr int kSearchCycles = 8;
 
-/// Where the next cycle's search for x̂ starts: at the last x̂, or where one that had no steps left
-/// stopped; both move along with x_d.
+/// Where the next cycle's search for x̂ starts: at x_d; at the last x̂ where that took many steps; or
+/// where one that had no steps left stopped. The latter two move along with x_d.
 struct Ongoing {
   int steps = -1;      ///< that an unfinished search has taken; -1: there is none
   int cycles = 0;      ///< that it has taken
   bool known = false;  ///< whether there is an x̂
+  bool slow = false;   ///< whether it took more than kQuickSteps
   int left = 0;        ///< steps of closings that the last cycle has left
   Coordinates good{};  ///< last x̂ minus its x_d
   Coordinates at{};    ///< where the search stopped, minus x_d
@@ -41,7 +42,7 @@ struct Ongoing {
 Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
               Pose& pose);
 
-/// x̂ of all readings, searched from the last one or x_d, then from the motors' pose.
+/// x̂ of all readings, searched from x_d or the last one, then from the motors' pose.
 /// @param C        the weights
 /// @param desired  linearised there
 /// @param rest     residual motion there, and the steps that closings may take

@@ -2,10 +2,10 @@
 #include "estimation/estimate.hpp"
 
 namespace truepose {
-bool is_last(Real size, Real last, Real chi2, int rows, bool whole, Real least) {
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole) {
   // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
   const Real enough =
-      least * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
+      kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
   const bool next = whole && last < INFINITY && size * size < kPredicted * enough * last;
   return size < enough || next || (size < 1e-6 && size > 0.25 * last);
 }
@@ -175,7 +175,7 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
 
 Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
                 const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap) {
-  const Real least = rest.left == kUncounted ? kLastStep : kLateStep;
+  const bool counted = rest.left != kUncounted;
   Search found{robot, known, C, at};
   Outcome outcome;
   int iterations = done;
@@ -185,8 +185,8 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
     outcome.status = std::isfinite(next) ? Status::ok : Status::not_converged;
     if (outcome && !found.shorten(next)) {
       outcome = found.turn(next);
-      const bool late = iterations >= kEstimateIterations - 2 && found.size < kLateStep;
-      if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole, least))) {
+      const bool late = is_late(found.size, iterations, counted);
+      if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole))) {
         found.go(1);
         const Real left = std::max(found.cost - found.promised, Real(0));
         return {{}, iterations + 1, left, found.covariance};

@@ -17,10 +17,13 @@ inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose whe
 /// error is its square, or a few per cent of it where readings disagree by several σ.
 inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
-/// The same where a search must end: at its last two iterations, and in a control cycle, whose
-/// steps are counted. 3e-3 of σ add 1e-5 of the variance; where steps shrink by no more than a
-/// tenth, a few hundredths of σ remain.
+/// The same where a search must end: at its last two iterations, and in a control cycle after
+/// kQuickSteps. 3e-3 of σ add 1e-5 of the variance; where steps shrink by no more than a tenth, a
+/// few hundredths of σ remain.
 inline constexpr Real kLateStep = 1e-5;
+
+/// Steps that suffice in most cycles of a controller.
+inline constexpr int kQuickSteps = 2;
 
 /// Decrease of χ² that a step may still promise at the last iteration, or where a control cycle has
 /// no steps left: below the readings' resolution. Where these leave a coordinate open, curvature
@@ -32,16 +35,20 @@ inline constexpr Real kFlat = 0.5;
 /// is up to 0.04 on calibrated Par4s.
 inline constexpr Real kElasticSlope = 0.1;
 
-/// (step/σ)², as a share of the limit of a last step, below which the next step may be predicted to
-/// be: 3e-8 of σ, in a control cycle 1e-5.
+/// (step/σ)², as a share of kLastStep, below which the next step may be predicted to be: 3e-8 of a
+/// σ.
 inline constexpr Real kPredicted = 1e-5;
 
 /// Whether a Gauss-Newton step is the last.
 /// @param size   (step/σ)² of the coordinate that moves most; `last`: of the step before
 /// @param chi2   of as many readings as there are rows
 /// @param whole  the step before was taken as it was: steps shrink at least at its rate
-/// @param least  (step/σ)² that is the last, kLastStep or kLateStep
-bool is_last(Real size, Real last, Real chi2, int rows, bool whole = true, Real least = kLastStep);
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole = true);
+
+/// The same late in a search. @param counted  in a control cycle
+inline bool is_late(Real size, int iterations, bool counted) {
+  return size < kLateStep && iterations >= (counted ? kQuickSteps + 1 : kEstimateIterations - 2);
+}
 
 /// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
