@@ -100,14 +100,10 @@ Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, 
     const Pose& desired = reference.closure.pose;
     Outcome near = find_by_cache(robot, weighing, reference, q_e, reference.rest, found);
     const int left = reference.rest.left;
-    if (near) {
-      const Coordinates off = difference(robot.mobility, found, desired);
-      on = {-1, 0, true, false, 0, off, off};
-    }
+    if (near) end(robot, desired, found, false, on);
     // The next cycle searches with fresh weights.
-    else if (left != kUncounted) {
+    else if (left != kUncounted)
       near = go_on(robot, desired, found, 0, on, found);
-    }
     on.left = left;
     if (near || left != kUncounted) return near;
   }

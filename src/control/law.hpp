@@ -90,14 +90,6 @@ struct Reference {
   bool cached;         ///< the cached weights are valid at x_d
 };
 
-/// Steps that the closings of a control cycle may take (Parasitic): on paths up to 16. A search for
-/// x̂ that has none left goes on in the next cycle.
-inline constexpr int kCycleSteps = 18;
-/// Those of a robot: a described mechanism's closings, which start at its home, are not counted.
-constexpr int cycle_steps(const Robot& robot) {
-  return is_mechanism(robot.mobility) ? kUncounted : kCycleSteps;
-}
-
 /// What a controller keeps for its next cycle.
 struct Nearby : Parasitic {
   Ongoing search;  ///< for x̂

@@ -27,6 +27,13 @@ Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps
   return {Status::not_converged};
 }
 
+void end(const Robot& robot, const Pose& desired, const Pose& found, bool slow, Ongoing& on) {
+  on = {};
+  on.known = true;
+  on.slow = slow;
+  on.good = on.at = difference(robot.mobility, found, desired);
+}
+
 Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
              const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
              Pose& found) {
@@ -41,27 +48,26 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
     const Real far = chi2(robot, known, C, q_e, desired.q_e, white);
     const Pose start = moved(robot.mobility, desired.pose, on.at);
     if (!go_to(start) || !(chi2(robot, known, C, q_e, at.q_e, white) < far))
-      at = desired, on.steps = -1;
+      at = desired, on.steps = -1, on.restarted = false;
   }
-  int cap = on.steps < 0 ? kNearIterations : kEstimateIterations;
-  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap);
-  if (!result && cap == kNearIterations && rest.most(true) > 0) {
+  const auto cap = [&] { return on.restarted ? kEstimateIterations : kNearIterations; };
+  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap());
+  if (!result && !on.restarted && rest.most(true) > 0) {
     // The ideal level's, which is near the full level's and has bounded work.
     const Level start = is_mechanism(robot.mobility) ? level : Level::ideal;
     Pose pose = desired.pose;
     const Status motors = motors_pose(start, robot, motors_of(robot, q_e), pose, rest);
     const bool closed = motors == Status::ok || motors == Status::not_converged;
     result = {go_to(closed ? pose : desired.pose)};
-    cap = kEstimateIterations;
-    if (result) result = search(level, robot, known, C, q_e, at, rest, 0, cap);
+    on.restarted = true;
+    if (result) result = search(level, robot, known, C, q_e, at, rest, 0, cap());
   }
   const int left = rest.left;
   Outcome outcome = result.outcome;
   if (outcome) {
     found = at.pose;
-    const Coordinates off = difference(robot.mobility, found, desired.pose);
-    on = {-1, 0, true, result.iterations > kQuickSteps, 0, off, off};
-  } else if (rest.most(true) < 1 && result.iterations < cap) {
+    end(robot, desired.pose, found, result.iterations > kQuickSteps, on);
+  } else if (rest.most(true) < 1 && result.iterations < kEstimateIterations) {
     outcome = go_on(robot, desired.pose, at.pose, result.iterations, on, found);
   } else {
     on = {};

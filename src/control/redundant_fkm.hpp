@@ -26,13 +26,14 @@ inline constexpr int kSearchCycles = 8;
 /// Where the next cycle's search for x̂ starts: at x_d; at the last x̂ where that took many steps; or
 /// where one that had no steps left stopped. The latter two move along with x_d.
 struct Ongoing {
-  int steps = -1;      ///< that an unfinished search has taken; -1: there is none
-  int cycles = 0;      ///< that it has taken
-  bool known = false;  ///< whether there is an x̂
-  bool slow = false;   ///< whether it took more than kQuickSteps
-  int left = 0;        ///< steps of closings that the last cycle has left
-  Coordinates good{};  ///< last x̂ minus its x_d
-  Coordinates at{};    ///< where the search stopped, minus x_d
+  int steps = -1;          ///< that an unfinished search has taken; -1: there is none
+  int cycles = 0;          ///< that it has taken
+  bool restarted = false;  ///< whether it has restarted at the motors' pose
+  bool known = false;      ///< whether there is an x̂
+  bool slow = false;       ///< whether it took more than kQuickSteps
+  int left = 0;            ///< steps of closings that the last cycle has left
+  Coordinates good{};      ///< last x̂ minus its x_d
+  Coordinates at{};        ///< where the search stopped, minus x_d
 };
 
 /// Notes that a search has no steps left in this cycle. @param at  where it goes on
@@ -41,6 +42,9 @@ struct Ongoing {
 /// @return not_converged after kSearchCycles: the next search starts at x_d
 Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
               Pose& pose);
+
+/// Notes that a search has ended at x̂. @param slow  it took more than kQuickSteps
+void end(const Robot& robot, const Pose& desired, const Pose& found, bool slow, Ongoing& on);
 
 /// x̂ of all readings, searched from x_d or the last one, then from the motors' pose.
 /// @param C        the weights

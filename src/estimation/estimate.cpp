@@ -193,15 +193,14 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
       }
     }
     if (!outcome) break;
-    const bool spent = rest.most(true) < 1;
+    const bool spent = rest.most(true) < 1 && found.cost < kPlausible * found.rows;
     if ((spent || iterations == kEstimateIterations) &&
         std::max(found.promised, found.size) < kFlat) {
       found.go(spent ? found.length : 0);
       return {{}, iterations, found.cost, found.covariance};
     }
     found.go(found.length);
-    const int most = found.size < kFlat ? kEstimateIterations : cap;
-    const bool goes_on = all_finite(found.step, found.n) && iterations < most;
+    const bool goes_on = all_finite(found.step, found.n) && iterations < cap;
     outcome = goes_on ? linearise(level, robot, at.pose, at.q_e, at.H_x, nullptr, &rest)
                       : Outcome{Status::not_converged, -1};
     if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings

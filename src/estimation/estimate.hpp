@@ -30,6 +30,10 @@ inline constexpr int kQuickSteps = 2;
 /// makes Gauss-Newton creep within σ.
 inline constexpr Real kFlat = 0.5;
 
+/// χ² by reading, of 10 σ each, beyond which a control cycle's search may be in another valley: it
+/// goes on.
+inline constexpr Real kPlausible = 100;
+
 /// Share of the readings' slope that the elastic full level may neglect: its derivatives keep the
 /// rods' stress constant (mechanism/full.hpp). Of whitened readings, which decide on a step, this
 /// is up to 0.04 on calibrated Par4s.
@@ -156,7 +160,7 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
 /// @param at    in: the start; out: at x̂, or where the search would go on
 /// @param rest  as of linearise, for the full level
 /// @param done  steps that this search has taken before
-/// @param cap   steps in all, unless the last one is within σ
+/// @param cap   steps in all
 Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
                 const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap);
 

@@ -28,6 +28,14 @@ inline constexpr int kClosing = 2;      ///< a closing costs as much as so many 
 inline constexpr int kNearClosing = 5;  ///< Newton steps that suffice from a solution nearby,
 inline constexpr int kFarClosing = 10;  ///< and from the ideal level, where steps are counted
 
+/// Steps that the closings of a control cycle may take (Parasitic): paths of the H4 take 12. A
+/// search for x̂ that has none left goes on in the next cycle.
+inline constexpr int kCycleSteps = 16;
+/// Those of a robot: a described mechanism's closings, which start at its home, are not counted.
+constexpr int cycle_steps(const Robot& robot) {
+  return is_mechanism(robot.mobility) ? kUncounted : kCycleSteps;
+}
+
 /// Residual motion: the full level's freedoms against the ideal ones at the same pose. It changes
 /// slowly with the pose: a solution nearby starts from it.
 struct Parasitic {
