@@ -113,6 +113,14 @@ Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, 
   return outcome ? find(robot, *weighing.known, C, desired, q_e, reference.rest, on, found)
                  : outcome;
 }
+
+/// x̂ of a law of the pose. @param on  as of `find`
+Outcome found_pose(const Robot& robot, Law law, const Weighing& weighing,
+                   const Reference& reference, const Extended& q_e, Ongoing& on, Pose& found) {
+  if (law == Law::cartesian)
+    return redundant_fkm(robot, q_e, reference.closure.pose, reference.rest, on, found);
+  return find(robot, weighing, reference, q_e, on, found);
+}
 }  // namespace
 
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference, Real band,
@@ -159,11 +167,8 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
     Ongoing alone;
-    Ongoing& on = search ? *search : alone;
     const Outcome outcome =
-        law == Law::estimated
-            ? find(robot, weighing, reference, q_e, on, found)
-            : redundant_fkm(robot, q_e, reference.closure.pose, reference.rest, on, found);
+        found_pose(robot, law, weighing, reference, q_e, search ? *search : alone, found);
     if (outcome)
       error = reference.jacobians.joint_rate(difference(robot.mobility, reference.pose, found));
     return outcome;

@@ -19,8 +19,8 @@ enum class Law : int {
 /// Errors that a law corrects.
 enum class Corrects : int {
   motors = 0,    ///< e_q of the motors' own readings
-  readings = 1,  ///< all readings, mapped by a TEJ (see `map_of`)
-  pose = 2,      ///< x_d - x̂ (see `find`, redundant_fkm.hpp), mapped by J⁻¹
+  readings = 1,  ///< all readings, mapped by a TEJ (see `refer`)
+  pose = 2,      ///< x_d - x̂ (see `found_pose`), mapped by J⁻¹
 };
 
 /// Properties of a law.
