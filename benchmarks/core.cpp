@@ -15,7 +15,10 @@
 
 #include <chrono>
 #include <cstring>
+#include <list>
+#include <string>
 
+#include "../tests/cpp/at_work.hpp"
 #include "../tests/cpp/rotational.hpp"
 #include "control/command.hpp"
 #include "control/limit_defaults.hpp"
@@ -32,7 +35,7 @@ constexpr int kPoses = 1000, kRepeats = 51, kCounted = 300, kHostile = 420;
 
 bool counting = false;
 struct Row {
-  const char* name;
+  std::string name;
   double median, fastest;  ///< seconds per call
 };
 std::vector<Row> rows;
@@ -44,20 +47,20 @@ template <class F>
 }
 
 template <class F>
-void count(const char* name, bool usual, int calls, F& call) {
-  char trigger[64];
-  std::snprintf(trigger, sizeof trigger, "%s%s", name, usual ? "" : "!");
+void count(const std::string& name, bool usual, int calls, F& call) {
+  const std::string trigger = name + (usual ? "" : "!");
   for (int i = 0; i < calls; ++i) {
     CALLGRIND_ZERO_STATS;
     const Status status = once(call, i);
-    CALLGRIND_DUMP_STATS_AT(trigger);
-    if (usual && status > Status::ok) std::printf("%s: no answer: %s\n", name, describe(status));
+    CALLGRIND_DUMP_STATS_AT(trigger.c_str());
+    if (usual && status > Status::ok)
+      std::printf("%s: no answer: %s\n", name.c_str(), describe(status));
   }
 }
 
 /// Times or counts call(i) of usual inputs i; each round begins with i = 0.
 template <class F>
-void usual(const char* name, F&& call) {
+void usual(const std::string& name, F&& call) {
   if (counting) return count(name, true, kCounted, call);
   std::vector<double> seconds;
   for (int repeat = -1; repeat < kRepeats; ++repeat) {  // the first one warms up
@@ -72,7 +75,7 @@ void usual(const char* name, F&& call) {
 
 /// Counts call(k) of hostile inputs k, of which only the worst is asked for.
 template <class F>
-void hostile(const char* name, F&& call) {
+void hostile(const std::string& name, F&& call) {
   if (counting) count(name, false, kHostile, call);
 }
 
@@ -210,20 +213,80 @@ void kinematics(const std::array<const char*, 5>& name, const Robot& robot, cons
 
 /// A law on usual inputs, then on hostile ones, each a cycle after a usual one.
 void cycles(const char* name, const Robot& robot, const ControlSettings& settings,
-            Weighing weighing, const Inputs& in, const Inputs& odd) {
+            const Weighing& weighing, const Inputs& in, const Inputs& odd) {
   ControlState state;
-  CachedGain kept;
-  const bool caches = weighing.kept != nullptr;
-  if (caches) weighing.kept = &kept;
   usual(name, [&](int i) {
     return control(robot, settings, in.setpoint[i], in.q_e[i], state, weighing).status;
   });
   hostile(name, [&](int k) {
     ControlState after = state;
-    CachedGain then = kept;
-    if (caches) weighing.kept = &then;
     return control(robot, settings, odd.setpoint[k], odd.q_e[k], after, weighing).status;
   });
+}
+
+/// A robot at work, and its cycles.
+struct Scene {
+  Scene(const mechanisms::Mechanism& mechanism, Level level, int sensors, int usual, int hostile)
+      : of(mechanism, level, sensors), motion(of.motion(usual)), trouble(of.trouble(hostile)) {}
+  mechanisms::AtWork of;
+  std::vector<mechanisms::AtWork::Cycle> motion, trouble;
+};
+
+/// Whole cycles of robots at work under a law, with or without the fault monitor: usual ones, then
+/// each of trouble after a usual one, twice: what does not end within a cycle goes on.
+void cycles(const std::string& name, std::list<Scene>& scenes, Law law, bool caches,
+            bool monitored) {
+  for (Scene& scene : scenes) {
+    const Robot& robot = scene.of.robot;
+    Weighing weighing = scene.of.prior.weighing();
+    ControlSettings settings;
+    settings.law = law;
+    FaultTolerantSettings monitoring;
+    monitoring.monitor.fastest.fill(500);
+    monitoring.monitor.moved.fill(2e-3);
+    prepare(monitoring.monitor);
+    if (!place_poles(robot, robot.home, 150, 1, settings)) std::printf("home is singular\n");
+    struct Controller {
+      ControlState state;
+      FaultTolerantState faults;
+      CachedGain kept;
+    } controller;
+    const auto cycle = [&](Controller& by, const mechanisms::AtWork::Cycle& at) {
+      weighing.kept = caches ? &by.kept : nullptr;
+      return monitored ? control_fault_tolerant(robot, settings, monitoring, at.setpoint, at.q_e,
+                                                by.state, weighing, by.faults)
+                             .status
+                       : control(robot, settings, at.setpoint, at.q_e, by.state, weighing).status;
+    };
+    const auto moves = [&](int i) { return cycle(controller, scene.motion[i]); };
+    if (!counting) {
+      usual(name, moves);
+      continue;
+    }
+    count(name, true, static_cast<int>(scene.motion.size()), moves);
+    for (const auto& wrong : scene.trouble) {
+      Controller after = controller;
+      const auto twice = [&](int) { return cycle(after, wrong); };
+      count(name, false, 2, twice);
+    }
+  }
+}
+
+/// Every law at both levels, with and without the fault monitor.
+void every_law(const std::string& group, const std::vector<mechanisms::Mechanism>& robots,
+               const std::vector<int>& sensors, int usual, int hostile) {
+  for (const Level level : {Level::ideal, Level::full}) {
+    std::list<Scene> scenes;
+    for (const mechanisms::Mechanism& robot : robots)
+      for (const int r : sensors) scenes.emplace_back(robot, level, r, usual, hostile);
+    for (const LawProperties& law : kLawTable)
+      for (const bool caches : {false, true})
+        for (const bool monitored : {false, true})
+          if (law.weighs || !caches)
+            cycles(group + (level == Level::full ? " full " : " ideal ") + law.name +
+                       (caches ? ", cached" : "") + (monitored ? ", monitored" : ""),
+                   scenes, law.law, caches, monitored);
+  }
 }
 
 /// Fault monitor and safety shell where nothing is wrong: alone, then around the TEJ law.
@@ -395,30 +458,13 @@ int main(int argc, char** argv) {
   cycles("H4 weighted", h4, weighted, prior.weighing(), in, odd);
   cycles("H4 estimated", h4, estimated, prior.weighing(), in, odd);
 
-  Robot rods = h4;  // every rod is modelled, axes 0.1° off
-  rods.level = Level::full;
-  for (int i = 0; i < 4; ++i) {
-    Chain& chain = rods.chain[i];
-    const double angle = mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1);
-    chain.axis = exp_so3(angle * chain.zero) * chain.axis;
-  }
-  if (!finish(rods) || !finish_full(rods)) std::printf("the rods do not close at home\n");
-  const Inputs of_h4 = path(h4, 1e-4, 0), of_rods = path(rods, 1e-4, 0);
-  Weighing plain = prior.weighing(), kept = plain;
-  CachedGain cache;
-  plain.kept = nullptr;
-  kept.kept = &cache;
-  cycles("H4 weighted, cached", h4, weighted, kept, of_h4, odd);
-  cycles("H4 estimated, cached", h4, estimated, kept, of_h4, odd);
-  cycles("H4 full weighted", rods, weighted, plain, of_rods, odd);
-  cycles("H4 full weighted, cached", rods, weighted, kept, of_rods, odd);
-  cycles("H4 full estimated", rods, estimated, plain, of_rods, odd);
-  cycles("H4 full estimated, cached", rods, estimated, kept, of_rods, odd);
+  every_law("H4 at work,", {mechanism}, {1}, counting ? kCounted : kPoses, 70);
+  if (counting) every_law("robots at work,", mechanisms::every_rod(), {1, 6}, 15, 14);
   monitors(h4, tej, prior.weighing(), path(h4, 0, 3e-5), odd);
 
   if (counting) return 0;
   std::puts("| one call of | median (µs) | fastest (µs) |\n|---|---:|---:|");
   for (const Row& row : rows)
-    std::printf("| %s | %.3f | %.3f |\n", row.name, 1e6 * row.median, 1e6 * row.fastest);
+    std::printf("| %s | %.3f | %.3f |\n", row.name.c_str(), 1e6 * row.median, 1e6 * row.fastest);
   return 0;
 }

@@ -13,13 +13,8 @@
 extern "C" {
 #endif
 
-/** Cost of gross errors: quadratic, linear from 1 sigma on, or almost none (Student's t, 4 degrees
- * of freedom). */
-typedef enum truepose_loss {
-  TRUEPOSE_LOSS_SQUARES = 0,
-  TRUEPOSE_LOSS_HUBER = 1,
-  TRUEPOSE_LOSS_STUDENT = 2
-} truepose_loss;
+/** Influence of gross errors: all, or almost none (Student's t, 4 degrees of freedom). */
+typedef enum truepose_loss { TRUEPOSE_LOSS_SQUARES = 0, TRUEPOSE_LOSS_STUDENT = 1 } truepose_loss;
 
 /** Readings at unknown poses, m and rad, without padding between rows; NaN: not read. */
 typedef struct truepose_log {

@@ -8,8 +8,8 @@ using namespace truepose;
 
 namespace truepose::c {
 namespace {
-/// Python's tuning of each loss.
-constexpr double kTuning[] = {0, 1, 4};
+/// Student's degrees of freedom, as in Python.
+constexpr double kTuning = 4;
 
 Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepose_log& log) {
   if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_STUDENT)
@@ -41,7 +41,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
     readings.measured = log.measured, readings.measured_sigma = sigma.data();
   }
   CalibrationSettings settings;
-  settings.loss = static_cast<Loss>(log.loss), settings.tuning = kTuning[log.loss];
+  settings.loss = static_cast<Loss>(log.loss), settings.tuning = kTuning;
   const CalibrationResult fit =
       truepose::calibrate(level_of(drawn), drawn, known, xi, readings, settings);
   if (!fit.outcome) return fit.outcome;

@@ -59,7 +59,7 @@ void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
 
 /// The servo cycle of a law.
 Outcome servo(const Robot& robot, Law law, Real band, const truepose_real* x_d, const Extended& q_e,
-              const Weighing& weighing, Parasitic* nearby, truepose_servo_cycle* cycle) {
+              const Weighing& weighing, Nearby* nearby, truepose_servo_cycle* cycle) {
   ServoCycle found;
   const Outcome outcome = motor_error(robot, law, in<Coordinates>(x_d), q_e, found.error, band,
                                       weighing, nearby, &found);
@@ -142,12 +142,13 @@ truepose_outcome truepose_controller_servo(const truepose_model* model,
     const ControlSettings& settings = made.settings;
     const Known weighs(robot, known, work, &made.kept, made.weighs());
     if (!weighs.sound) return weighs.sound;
-    Parasitic nearby = made.state.nearby;
+    Nearby nearby = made.state.nearby;
     const Present now(robot, made, q_e, weighs.weighing);
     const Scaled scaled(now.weighing, settings.sigma_scale);
     const Outcome outcome = servo(robot, settings.law, settings.damped_below, x_d, now.q_e,
                                   scaled.weighing, &nearby, cycle);
     if (outcome) made.state.nearby = nearby;
+    made.state.nearby.search = nearby.search;
     return outcome;
   });
 }

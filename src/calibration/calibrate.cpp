@@ -48,6 +48,8 @@ class Calibrator {
 
   /// Maximum number of retries of rows that the last geometry excluded.
   static constexpr int kRounds = 10;
+  /// Steps at each larger scale of a robust loss.
+  static constexpr int kRough = 20;
 
   std::vector<Coordinates> no_pull() const { return std::vector<Coordinates>(log_.count); }
 
@@ -57,16 +59,13 @@ class Calibrator {
 
   /// Descends from here, over the rows whose status is ok.
   void search(Iterate& now) {
-    last_iteration_ = result_.iterations + settings_.iterations;
-    if (settings_.loss == Loss::squares) {
+    loss_.unit = settings_.loss == Loss::squares ? 1 : INFINITY;
+    do {  // graduated: from the median's scale down to the stated σ, where alone it must converge
+      loss_.unit = std::max(1.0, std::min(0.5 * loss_.unit, now.spread()));
+      const bool rough = loss_.unit > 1;
+      last_iteration_ = result_.iterations + (rough ? kRough : settings_.iterations);
       result_.outcome = descend(now);
-    } else {
-      loss_.unit = INFINITY;
-      do {  // graduated: from the median's scale down to the stated σ
-        loss_.unit = std::max(1.0, std::min(0.5 * loss_.unit, now.spread()));
-        result_.outcome = descend(now);
-      } while (loss_.unit > 1 && result_.outcome);
-    }
+    } while (loss_.unit > 1 && result_.outcome.status != Status::not_finite);
     if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses
       include(now);
       result_.outcome = descend(now);

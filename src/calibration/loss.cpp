@@ -1,4 +1,4 @@
-// Robust losses of a row's residual, and the row's weight.
+// Loss of a row's residual, squares or Student's, and the row's weight.
 #include "calibration/loss.hpp"
 
 #include <algorithm>
@@ -13,21 +13,11 @@ LineLoss::LineLoss(Loss loss, double tuning) : loss_(loss), tuning_(tuning) {
 }
 
 double LineLoss::rho(double d2, int m) const {
-  const double c = tuning_;
-  switch (loss_) {
-    case Loss::huber: return d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2;
-    case Loss::student: return (c + m) * std::log1p(d2 / c);
-    default: return d2;
-  }
+  return loss_ == Loss::squares ? d2 : (tuning_ + m) * std::log1p(d2 / tuning_);
 }
 
 double LineLoss::weight(double d2, int m) const {
-  const double c = tuning_;
-  switch (loss_) {
-    case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
-    case Loss::student: return (c + m) / (c + d2);
-    default: return 1;
-  }
+  return loss_ == Loss::squares ? 1 : (tuning_ + m) / (tuning_ + d2);
 }
 
 double LineLoss::cost(double d2, int m) const {

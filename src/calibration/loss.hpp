@@ -1,4 +1,4 @@
-// Robust losses of a row's residual, and the row's weight.
+// Loss of a row's residual, squares or Student's, and the row's weight.
 //
 // A row leaves m equations on ξ, whitened: y = R u + e, e normal with unit covariance. Its cost is
 // ρ(d²), d² = |y - R u|², and its influence ψ(e) = w e with w = dρ/d(d²). As this is isotropic,
@@ -17,13 +17,8 @@ namespace truepose {
 /// Cost of the residual of one pose's readings.
 enum class Loss : int {
   squares = 0,  ///< d²: normal errors
-  huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
-  student = 2,  ///< (ν + m) log(1 + d²/ν), ν = `tuning`: gross errors have no influence
+  student = 1,  ///< (ν + m) log(1 + d²/ν), ν = `tuning`: gross errors have no influence
 };
-
-/// Residual of a row, in σ, that no noise explains. Huber's influence is bounded, its leverage is
-/// not: a reading so wrong that its pose is outside the workspace would still pull.
-inline constexpr double kGross = 30;
 
 /// s w below which a row is an outlier. Noise does not get there (d is then 7 to 20), so the
 /// model behind the expected information excludes such a row: it contributes none.

@@ -53,12 +53,13 @@ class ControlCycle {
 
   /// ê_q of the law, and J, TEJ at x_d.
   Outcome correct(const Weighing& weighing) {
+    state_.nearby.left = cycle_steps(robot_);
     const Outcome regular = refer(robot_, settings_.law, setpoint_.x, reference_,
                                   settings_.damped_below, weighing, &state_.nearby);
     Outcome outcome = regular;
     if (outcome)
       outcome = motor_error(robot_, settings_.law, reference_, q_e_, state_.error, found_, weighing,
-                            state_.nearby);
+                            &state_.nearby.search);
     return outcome ? regular : outcome;
   }
 
@@ -289,10 +290,13 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     cycle.follow();
     outcome = cycle.command_torques();
   }
-  if (outcome)
+  if (outcome) {
     cycle.complete();
-  else
+  } else {
+    const Ongoing search = state.nearby.search;
     state = before;
+    state.nearby.search = search;
+  }
   return outcome ? regular : outcome;
 }
 

@@ -52,7 +52,7 @@ struct ControlState {
   Joint error_rate{};     ///< its rate, estimated
   Joint q_d{};            ///< desired motor readings a period later, extrapolated
   Joint load{};           ///< feed-forward and integral part of the torque, N·m
-  Parasitic nearby;       ///< residual motion at x_d, at the full level
+  Nearby nearby;          ///< start of the next cycle's closings and search for x̂
   Law law = Law::joint;   ///< whose terms `position` and `rate` are in
   bool switched = false;  ///< set where readings are substituted: prevents a step
   Joint held{};           ///< ê_q before the last switch minus ê_q after it,
@@ -90,8 +90,8 @@ inline Real limited(const Chain& chain, Real torque) {
 /// @param q_e    readings of motors and sensors, size m + r
 /// @param state  in and out; state.torque is the command
 /// @param known  for laws that weigh
-/// @return no answer: the last valid torque is held, nothing else changes; near_singular: the
-/// torque is that of the damped J
+/// @return no answer: the last valid torque is held, nothing else changes but where the next search
+/// for x̂ starts; near_singular: the torque is that of the damped J
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known = {});
 

@@ -128,6 +128,7 @@ struct FaultMonitor {
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are valid
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
+  Parasitic rest;                               ///< residual motion there
   Extended beyond{};                            ///< what the full level and the growths add to h
   WarmUp warm_up;
   std::int64_t updated = 0;  ///< cycle of the last update of these

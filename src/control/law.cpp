@@ -3,74 +3,75 @@
 
 namespace truepose {
 namespace {
-/// As linearise(), at the reference's pose.
-Outcome linearise(const Robot& robot, const Reference& reference, Extended& q_e, PoseRows& H_x,
-                  Real* H_xi, Parasitic& rest) {
+/// H_x at x_d, at the robot's level with q_de, and H_ξ unless cached weights are valid there.
+/// @param fresh  take no cached weights
+Outcome linearise(const Robot& robot, const Weighing& weighing, bool fresh, Reference& reference) {
+  const bool caches = weighing.kept && !overdriven(robot);
+  reference.mark = caches ? fingerprint(robot, *weighing.known) : 0;
+  reference.cached =
+      caches && !fresh && weighing.kept->of == reference.mark &&
+      weighing.kept->way(dof(robot.mobility), reference.closure.q()) <= weighing.kept->reach;
+  Real* H_xi = reference.cached ? nullptr : weighing.work;
   if (robot.rod_by_rod())
-    return truepose::linearise(Level::full, robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
-  pose_rows(robot, reference.jacobians, reference.jr, H_x);
+    return truepose::linearise(Level::full, robot, reference.closure.pose, reference.q_e,
+                               reference.H_x, H_xi, &reference.rest);
+  pose_rows(robot, reference.jacobians, reference.jr, reference.H_x);
   if (H_xi) parameter_jacobian(robot, reference.closure, H_xi);
   return {};
 }
 
-/// The same with the weights at that pose: cached, or fresh beyond their validity radius.
-/// @return singular where the motors alone do not determine the pose
-Outcome linearise_kept(const Robot& robot, const Weighing& weighing, const Reference& reference,
-                       Extended& q_e, PoseRows& H_x, Parasitic& rest, CachedFusion& at) {
-  const int n = dof(robot.mobility);
-  const Knowledge& known = *weighing.known;
-  CachedGain& kept = *weighing.kept;
-  Real *H_xi = weighing.work, *B = H_xi + readings(robot) * parameter_count(robot);
-  const std::uint64_t mark = fingerprint(robot, known);
-  const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
-  const Outcome outcome = linearise(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
-  if (!outcome) return outcome;
-  if (!at.set_jacobians(robot, H_x)) return {Status::singular};
-  if (holds) return at.weigh(robot, known, kept);
-  return refresh(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
+/// Work space behind H_ξ.
+Real* behind(const Robot& robot, const Weighing& weighing) {
+  return weighing.work + readings(robot) * parameter_count(robot);
 }
 
-/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
-Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest, Reference& reference) {
-  if (!weighing) return {Status::not_measured};
-  PoseRows H_x;
-  if (weighing.kept && !overdriven(robot)) {
+/// C at x_d.
+Outcome fresh_weights(const Robot& robot, const Weighing& weighing, Reference& reference,
+                      ReadingCovariance& C) {
+  Outcome outcome;
+  if (reference.cached) outcome = linearise(robot, weighing, true, reference);
+  if (!outcome) return outcome;
+  return reading_covariance(robot, *weighing.known, weighing.work, behind(robot, weighing), C);
+}
+
+/// The cached weights, refreshed at x_d beyond their validity radius.
+/// @return singular where the motors alone do not determine the pose
+Outcome cached_weights(const Robot& robot, const Weighing& weighing, const Reference& reference,
+                       CachedFusion& at) {
+  if (!at.set_jacobians(robot, reference.H_x)) return {Status::singular};
+  if (reference.cached) return at.weigh(robot, *weighing.known, *weighing.kept);
+  return refresh(robot, *weighing.known, reference.mark, reference.closure.q(), reference.H_x,
+                 weighing.work, behind(robot, weighing), *weighing.kept, at);
+}
+
+/// Weighted TEJ at x_d: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C at that pose or from the cache.
+Outcome weigh(const Robot& robot, const Weighing& weighing, Reference& reference) {
+  if (reference.mark) {
     CachedFusion at;
-    const Outcome outcome =
-        linearise_kept(robot, weighing, reference, reference.q_e, H_x, rest, at);
-    if (outcome) at.tej(robot, H_x, reference.tej);
+    const Outcome outcome = cached_weights(robot, weighing, reference, at);
+    if (outcome) at.tej(robot, reference.H_x, reference.tej);
     if (outcome.status != Status::singular) return outcome;
   }
   ReadingCovariance C;
   Fusion fusion;
-  Real *H_xi = weighing.work, *B = H_xi + readings(robot) * parameter_count(robot);
-  Outcome outcome = linearise(robot, reference, reference.q_e, H_x, H_xi, rest);
-  if (outcome) outcome = reading_covariance(robot, *weighing.known, H_xi, B, C);
-  if (outcome) outcome = fuse(robot, *weighing.known, C, H_x, fusion);
-  if (outcome) weighted_tej(robot, H_x, fusion, reference.tej);
+  Outcome outcome = fresh_weights(robot, weighing, reference, C);
+  if (outcome) outcome = fuse(robot, *weighing.known, C, reference.H_x, fusion);
+  if (outcome) weighted_tej(robot, reference.H_x, fusion, reference.tej);
   return outcome;
 }
 
-/// TEJ of a law of all readings.
-Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
-               Reference& reference) {
-  if (law == Law::weighted) return weigh(robot, weighing, rest, reference);
-  tej(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
-  return {};
-}
-
-/// x̂ with cached weights: it solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose. Far
-/// from the reference they are computed anew.
-Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference& reference,
-                  const Extended& q_e, Pose& found, Parasitic rest) {
+/// x̂ with cached weights: it solves HᵀC⁻¹(q_e - h) = 0 with the weights of its own pose.
+/// @param rest  in: at x_d; out: steps left
+/// @return not_converged far from x_d
+Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Reference& reference,
+                      const Extended& q_e, Parasitic& rest, Pose& pose) {
   const int n = dof(robot.mobility);
-  if (!weighing) return {Status::not_measured};
-  const Knowledge& known = *weighing.known;
   CachedFusion at;
   PoseRows H_x;
   Extended expected = reference.q_e;
-  Pose pose = reference.closure.pose;
-  Outcome outcome = linearise_kept(robot, weighing, reference, expected, H_x, rest, at);
+  pose = reference.closure.pose;
+  const bool counted = rest.left != kUncounted;
+  Outcome outcome = cached_weights(robot, weighing, reference, at);
   Real last = INFINITY;
   for (int left = kNearIterations; outcome; --left) {
     Extended e{};
@@ -80,35 +81,58 @@ Outcome find_kept(const Robot& robot, const Weighing& weighing, const Reference&
     Real size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
-    found = pose = moved(robot.mobility, pose, step);
-    if (is_last(size, last, chi2, n + robot.r)) return outcome;
+    pose = moved(robot.mobility, pose, step);
+    if (is_last(size, last, chi2, n + robot.r) || is_late(size, kNearIterations - left, counted))
+      return outcome;
     if (left == 0) break;
     last = size;
     outcome = linearise(level_of(robot), robot, pose, expected, H_x, nullptr, &rest);
     if (outcome && !at.set_jacobians(robot, H_x)) break;
-    if (outcome) outcome = at.weigh(robot, known, *weighing.kept);
+    if (outcome) outcome = at.weigh(robot, *weighing.known, *weighing.kept);
   }
-  found = reference.closure.pose;
-  return estimate(level_of(robot), robot, known, q_e, found, weighing.work).outcome;
+  return {Status::not_converged};
 }
 
+/// x̂ of the estimated law.
+Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, const Extended& q_e,
+             Ongoing& on, Pose& found) {
+  if (reference.mark && on.steps < 0) {
+    const Pose& desired = reference.closure.pose;
+    Outcome near = find_by_cache(robot, weighing, reference, q_e, reference.rest, found);
+    const int left = reference.rest.left;
+    if (near) end(robot, desired, found, false, on);
+    // The next cycle searches with fresh weights.
+    else if (left != kUncounted)
+      near = go_on(robot, desired, found, 0, on, found);
+    on.left = left;
+    if (near || left != kUncounted) return near;
+  }
+  ReadingCovariance C;
+  const Outcome outcome = fresh_weights(robot, weighing, reference, C);
+  const Expected desired{reference.closure.pose, reference.q_e, reference.H_x};
+  return outcome ? find(robot, *weighing.known, C, desired, q_e, reference.rest, on, found)
+                 : outcome;
+}
+
+/// x̂ of a law of the pose. @param on  as of `find`
+Outcome found_pose(const Robot& robot, Law law, const Weighing& weighing,
+                   const Reference& reference, const Extended& q_e, Ongoing& on, Pose& found) {
+  if (law == Law::cartesian)
+    return redundant_fkm(robot, q_e, reference.closure.pose, reference.rest, on, found);
+  return find(robot, weighing, reference, q_e, on, found);
+}
 }  // namespace
-
-Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
-                   Pose& found, const Weighing& weighing, const Parasitic& nearby) {
-  if (law == Law::cartesian) return redundant_fkm(robot, q_e, desired, nearby, found);
-  if (!weighing) return {Status::not_measured};
-  return find(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
-}
 
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference, Real band,
               const Weighing& weighing, Parasitic* nearby) {
-  if (redundancy(robot) == 0 && properties(law).sensed) return {Status::not_measured};
-  Parasitic unknown;
-  Parasitic& rest = nearby ? *nearby : unknown;
+  const LawProperties& of = properties(law);
+  if ((redundancy(robot) == 0 && of.sensed) || (of.weighs && !weighing))
+    return {Status::not_measured};
+  reference.rest = nearby ? *nearby : Parasitic{};
   Reading r;
-  const Outcome regular = kinematics_at(robot, to_pose(robot.mobility, x_d), band,
-                                        reference.closure, reference.jacobians, r, reference.jr);
+  const Outcome regular =
+      kinematics_at(robot, to_pose(robot.mobility, x_d), band, reference.closure,
+                    reference.jacobians, r, reference.jr, &reference.rest);
   Outcome outcome = regular;
   if (outcome) outcome = within_limits(robot, reference.closure.pose, reference.closure.q());
   // The motors would have to pass through a singularity to reach another mode.
@@ -118,29 +142,33 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   if (!outcome) return outcome;
   extend(robot, reference.closure.q(), r, reference.q_e);
   reference.pose = reference.closure.pose;
-  if (robot.rod_by_rod() && !is_mechanism(robot.mobility)) {  // whose one level is closed already
-    outcome = extended(Level::full, robot, reference.pose, reference.q_e, &rest);
-    if (outcome) outcome = within_limits(robot, motors_of(robot, reference.q_e));
-    // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
-    if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
-      outcome = found_pose(robot, law, reference.closure.pose, reference.q_e, reference.pose,
-                           weighing, rest);
-    if (!outcome) return outcome;
-  }
-  if (properties(law).corrects == Corrects::readings)
-    outcome = map_of(robot, law, weighing, rest, reference);
+  // A described mechanism's one level is closed already.
+  const bool full = robot.rod_by_rod() && !is_mechanism(robot.mobility);
+  if (of.weighs)
+    outcome = linearise(robot, weighing, false, reference);
+  else if (full)
+    outcome = extended(Level::full, robot, reference.pose, reference.q_e, &reference.rest);
+  if (outcome && full) outcome = within_limits(robot, motors_of(robot, reference.q_e));
+  // The ideal model's pose of q_e is compared with its pose of q_de: at x_d both agree.
+  if (outcome && full && law == Law::cartesian && in_closed_form(robot))
+    outcome = redundant_fkm(robot, reference.q_e, reference.closure.pose.D, reference.pose);
+  if (!outcome) return outcome;
+  if (nearby) *nearby = reference.rest;
+  if (law == Law::weighted)
+    outcome = weigh(robot, weighing, reference);
+  else if (of.corrects == Corrects::readings)
+    tej(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
   return outcome ? regular : outcome;
 }
 
 Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
-                    Joint& error, Pose& found, const Weighing& weighing, const Parasitic& nearby) {
+                    Joint& error, Pose& found, const Weighing& weighing, Ongoing* search) {
   const int m = robot.motors;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
+    Ongoing alone;
     const Outcome outcome =
-        properties(law).weighs && weighing.kept && !overdriven(robot)
-            ? find_kept(robot, weighing, reference, q_e, found, nearby)
-            : found_pose(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
+        found_pose(robot, law, weighing, reference, q_e, search ? *search : alone, found);
     if (outcome)
       error = reference.jacobians.joint_rate(difference(robot.mobility, reference.pose, found));
     return outcome;
@@ -163,20 +191,20 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
 }
 
 Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
-                    Joint& error, Real band, const Weighing& weighing, Parasitic* kept,
+                    Joint& error, Real band, const Weighing& weighing, Nearby* kept,
                     ServoCycle* cycle) {
   const int n = dof(robot.mobility), m = robot.motors;
   const bool alone = properties(law).corrects == Corrects::motors;
   if (!all_finite(q_e, alone ? m : readings(robot)) || !all_finite(x_d, n))
     return {Status::not_finite};
   Reference reference;
-  Parasitic unknown;
-  Parasitic& nearby = kept ? *kept : unknown;
-  const Outcome regular = refer(robot, law, x_d, reference, band, weighing, &nearby);
+  if (kept) kept->left = cycle_steps(robot);
+  const Outcome regular = refer(robot, law, x_d, reference, band, weighing, kept);
   if (!regular) return regular;
   Pose found;
   Joint e{};
-  Outcome outcome = motor_error(robot, law, reference, q_e, e, found, weighing, nearby);
+  Outcome outcome =
+      motor_error(robot, law, reference, q_e, e, found, weighing, kept ? &kept->search : nullptr);
   if (outcome && !all_finite(e, m)) outcome = {Status::not_finite};
   if (!outcome) return outcome;
   error = e;

@@ -181,7 +181,7 @@ Reading MonitoredCycle::warm(const Real* H_xi, const Reading& cold) {
   WarmUp& warm_up = monitor_.warm_up;
   const Growths& growth = settings_.growth;
   if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
-  const GrowthRows M = growth_rows(robot_, parity_, H_xi, growth);
+  const GrowthRows M = growth_rows(robot_, H_xi, growth);
   const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
   monitor_.updated = monitor_.cycle;
   ReadingCovariance V;
@@ -206,7 +206,7 @@ void MonitoredCycle::refresh() {
   const Knowledge& known = *weighing_.known;
   Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
   Extended beyond;
-  monitor_.known = bool(geometry_at(robot_, monitor_.pose, H_xi, beyond));
+  monitor_.known = bool(geometry_at(robot_, parity_, monitor_.pose, H_xi, beyond, monitor_.rest));
   if (!monitor_.known) return;
   parity_.open(robot_, known, H_xi, B);
   for (int k = 0; k < r_; ++k)

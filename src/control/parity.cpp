@@ -67,17 +67,10 @@ void Parity::covariance(int r, const Extended& noise,
     }
 }
 
-Real Parity::by(const Robot& robot, const Real* H_xi, int k, int column) const {
+void Parity::open(const Robot& robot, const Knowledge& known, const Real* PH, Real* B) const {
   const int width = parameter_count(robot);
-  Real sum = H_xi[(n + k) * width + column];
-  for (int j = 0; j < n; ++j) sum -= g[k][j] * H_xi[j * width + column];
-  return sum;
-}
-
-void Parity::open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const {
   for (int k = 0; k < robot.r; ++k)
-    for (int m = 0; m < known.count; ++m)
-      B[k * known.count + m] = by(robot, H_xi, k, known.column[m]);
+    for (int m = 0; m < known.count; ++m) B[k * known.count + m] = PH[k * width + known.column[m]];
   times_root(known, robot.r, B);
 }
 
@@ -88,15 +81,25 @@ Real Parity::expectation_noise(const Extended& noise, int reading) const {
   return std::sqrt(sum);
 }
 
-Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond) {
+Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, Real* PH,
+                    Extended& beyond, Parasitic& rest) {
   beyond.fill(0);
-  Extended q_e, ideal;
+  Extended q_e;
   PoseRows H_x;
-  Outcome outcome = linearise(level_of(robot), robot, pose, q_e, H_x, H_xi);
+  rest.left = cycle_steps(robot);
+  const auto of = [&](const auto& at) -> Outcome {
+    if constexpr (requires { at.built; })
+      return linearise(robot, at.built, at.at, at.pose.theta, q_e, H_x, PH, &parity.g);
+    else
+      parameter_jacobian(robot, at, PH, &parity.g);
+    return {};
+  };
+  const Outcome outcome = closed(level_of(robot), robot, pose, of, &rest);
   if (!outcome || !robot.rod_by_rod()) return outcome;
-  outcome = extended(Level::ideal, robot, pose, ideal);
+  Extended ideal;
+  const Outcome also = extended(Level::ideal, robot, pose, ideal);
   for (int c = 0; c < readings(robot); ++c) beyond[c] = q_e[c] - ideal[c];
-  return outcome;
+  return also;
 }
 
 Verdict parity_verdict(const Parity& parity, const std::array<Real, kMaxSensors + 1>& most,

@@ -22,8 +22,8 @@ struct Parity {
   Extended expected;  ///< h
   Extended read;      ///< q_e
   Jacobians jacobians;
-  Matrix<kMaxSensors, kMaxMotors> g;  ///< J_r J
-  Reading value{};                    ///< p
+  PredictionRows g;  ///< J_r J
+  Reading value{};   ///< p
   Pose pose;
 
   /// Column of P.
@@ -39,18 +39,17 @@ struct Parity {
   void covariance(int r, const Extended& noise, const Matrix<kMaxSensors, kMaxSensors>& geometry,
                   Real share, ReadingCovariance& V) const;
 
-  /// P H_ξ: row k by a parameter.
-  Real by(const Robot& robot, const Real* H_xi, int k, int column) const;
-
-  /// P H_ξ S, r rows of B: the geometry's uncertainty in the parity.
-  void open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const;
+  /// The geometry's uncertainty in the parity, r rows of B. @param PH  P H_ξ
+  void open(const Robot& robot, const Knowledge& known, const Real* PH, Real* B) const;
 
   /// σ of the change, between cycles at rest, of a sensor's value predicted by the motors.
   Real expectation_noise(const Extended& noise, int reading) const;
 };
 
-/// H_ξ of the robot's level at a pose, and the readings' addition to the ideal level's.
-Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond);
+/// P H_ξ of the robot's level at a pose, r rows, and the readings' addition to the ideal level's.
+/// @param rest  residual motion. In: at a pose nearby; out: at this one, if ok
+Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, Real* PH,
+                    Extended& beyond, Parasitic& rest);
 
 /// χ² of a parity, and the readings that alone may explain it.
 struct Verdict {

@@ -17,31 +17,88 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
   return fkm_closed(robot, motors_of(robot, q_e), pose.R, near_side, pose.D);
 }
 
-Outcome find(const Robot& robot, const Knowledge& known, Real* work, const Pose& desired,
-             const Extended& q_e, Pose& found, Parasitic rest) {
-  const Level level = level_of(robot);
-  found = desired;
-  const Outcome outcome =
-      estimate_from(level, robot, known, q_e, found, work, rest, kNearIterations).outcome;
-  return outcome ? outcome : estimate(level, robot, known, q_e, found, work).outcome;
+Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
+              Pose& pose) {
+  on.steps = steps;
+  on.at = difference(robot.mobility, at, desired);
+  pose = on.known ? moved(robot.mobility, desired, on.good) : at;
+  if (++on.cycles < kSearchCycles) return {};
+  on = {};
+  return {Status::not_converged};
 }
 
-Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
-                      const Parasitic& nearby, Pose& pose) {
+void end(const Robot& robot, const Pose& desired, const Pose& found, bool slow, Ongoing& on) {
+  on = {};
+  on.known = true;
+  on.slow = slow;
+  on.good = on.at = difference(robot.mobility, found, desired);
+}
+
+Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
+             Pose& found) {
+  const Level level = level_of(robot);
+  Expected at = desired;
+  Extended white;
+  const auto go_to = [&](const Pose& pose) {
+    at.pose = pose;
+    return linearise(level, robot, pose, at.q_e, at.H_x, nullptr, &rest);
+  };
+  if (on.slow || on.steps >= 0) {  // unless x_d is nearer
+    const Real far = chi2(robot, known, C, q_e, desired.q_e, white);
+    const Pose start = moved(robot.mobility, desired.pose, on.at);
+    if (!go_to(start) || !(chi2(robot, known, C, q_e, at.q_e, white) < far))
+      at = desired, on.steps = -1, on.restarted = false;
+  }
+  const auto cap = [&] { return on.restarted ? kEstimateIterations : kNearIterations; };
+  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap());
+  if (!result && !on.restarted && rest.most(true) > 0) {
+    // The ideal level's, which is near the full level's and has bounded work.
+    const Level start = is_mechanism(robot.mobility) ? level : Level::ideal;
+    Pose pose = desired.pose;
+    const Status motors = motors_pose(start, robot, motors_of(robot, q_e), pose, rest);
+    const bool closed = motors == Status::ok || motors == Status::not_converged;
+    result = {go_to(closed ? pose : desired.pose)};
+    on.restarted = true;
+    if (result) result = search(level, robot, known, C, q_e, at, rest, 0, cap());
+  }
+  const int left = rest.left;
+  Outcome outcome = result.outcome;
+  if (outcome) {
+    found = at.pose;
+    end(robot, desired.pose, found, result.iterations > kQuickSteps, on);
+  } else if (rest.most(true) < 1 && result.iterations < kEstimateIterations) {
+    outcome = go_on(robot, desired.pose, at.pose, result.iterations, on, found);
+  } else {
+    on = {};
+  }
+  on.left = left;
+  return outcome;
+}
+
+Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near, Parasitic nearby,
+                      Ongoing& on, Pose& pose) {
   if (in_closed_form(robot)) return redundant_fkm(robot, q_e, near.D, pose);
   if (redundancy(robot) == 0) return {Status::not_measured};
+  if (!all_finite(q_e, readings(robot))) return {Status::not_finite};
   constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
   Knowledge alike;
   alike.sigma.fill(kSigma);
   for (int k = 0; k < robot.r; ++k)
     alike.sigma[robot.motors + k] = kSigma / std::sqrt(robot.sensor[k].weight);
-  return find(robot, alike, nullptr, near, q_e, pose, nearby);
+  ReadingCovariance C;
+  Expected at{near, {}, {}};
+  Outcome outcome = reading_covariance(robot, alike, nullptr, nullptr, C);
+  if (outcome) outcome = linearise(level_of(robot), robot, near, at.q_e, at.H_x, nullptr, &nearby);
+  return outcome ? find(robot, alike, C, at, q_e, nearby, on, pose) : outcome;
 }
 
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
   if (!robot.finished) return {Status::unfinished};
   Pose pose;
-  const Outcome outcome = redundant_fkm(robot, q_e, to_pose(robot.mobility, robot.home), {}, pose);
+  Ongoing on;
+  const Outcome outcome =
+      redundant_fkm(robot, q_e, to_pose(robot.mobility, robot.home), {}, on, pose);
   if (outcome) x = to_coordinates(robot.mobility, pose);
   return outcome;
 }

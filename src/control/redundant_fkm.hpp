@@ -16,21 +16,52 @@ inline bool in_closed_form(const Robot& robot) {
 /// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose);
 
-/// Steps from x_d after which the search restarts at the motors' pose.
+/// Steps from x_d or the last x̂ after which the search restarts at the motors' pose.
 inline constexpr int kNearIterations = 5;
 
-/// x̂ of all readings, searched from the desired pose with the weights there.
-/// @param work, rest  as of `estimate`
-Outcome find(const Robot& robot, const Knowledge& known, Real* work, const Pose& desired,
-             const Extended& q_e, Pose& found, Parasitic rest);
+/// Cycles in a row in which a search may have no steps left. On robots as built and while their
+/// geometry is learned one cycle suffices, from anywhere in the workspace a few.
+inline constexpr int kSearchCycles = 8;
+
+/// Where the next cycle's search for x̂ starts: at x_d; at the last x̂ where that took many steps; or
+/// where one that had no steps left stopped. The latter two move along with x_d.
+struct Ongoing {
+  int steps = -1;          ///< that an unfinished search has taken; -1: there is none
+  int cycles = 0;          ///< that it has taken
+  bool restarted = false;  ///< whether it has restarted at the motors' pose
+  bool known = false;      ///< whether there is an x̂
+  bool slow = false;       ///< whether it took more than kQuickSteps
+  int left = 0;            ///< steps of closings that the last cycle has left
+  Coordinates good{};      ///< last x̂ minus its x_d
+  Coordinates at{};        ///< where the search stopped, minus x_d
+};
+
+/// Notes that a search has no steps left in this cycle. @param at  where it goes on
+/// @param pose  out: the answer meanwhile, the last x̂, moved along with x_d; `at` where there is
+/// none
+/// @return not_converged after kSearchCycles: the next search starts at x_d
+Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
+              Pose& pose);
+
+/// Notes that a search has ended at x̂. @param slow  it took more than kQuickSteps
+void end(const Robot& robot, const Pose& desired, const Pose& found, bool slow, Ongoing& on);
+
+/// x̂ of all readings, searched from x_d or the last one, then from the motors' pose.
+/// @param C        the weights
+/// @param desired  linearised there
+/// @param rest     residual motion there, and the steps that closings may take
+/// @param on       in, out
+Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
+             Pose& found);
 
 /// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
 /// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order
 /// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
 /// @param near    start of the least squares; its D is on the platform's side of the spheres
-/// @param nearby  residual motion there
-Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
-                      const Parasitic& nearby, Pose& pose);
+/// @param nearby, on  as of `find`
+Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near, Parasitic nearby,
+                      Ongoing& on, Pose& pose);
 
 /// The same for coordinates x of any mobility, from the robot's home.
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x);

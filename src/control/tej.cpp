@@ -36,12 +36,12 @@ void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, E
 namespace {
 /// J and J_r of a described mechanism: K and J_r are its H_x.
 Outcome by_rows(const Robot& robot, const Pose& pose, Closure& closure, Jacobians& jacobians,
-                Reading& r, SensorRows& jr) {
+                Reading& r, SensorRows& jr, Parasitic* rest) {
   const int n = jacobians.n = dof(robot.mobility), m = jacobians.motors = robot.motors;
   Extended q_e;
   PoseRows H_x;
   FullClosure at;
-  Outcome outcome = ikm(robot, pose, at);
+  Outcome outcome = ikm(robot, pose, at, rest);
   if (outcome) outcome = linearise(robot, at.built, at.at, 0, q_e, H_x, nullptr);
   if (!outcome) return outcome;
   closure.pose = pose;
@@ -62,8 +62,8 @@ Outcome by_rows(const Robot& robot, const Pose& pose, Closure& closure, Jacobian
 }  // namespace
 
 Outcome kinematics_at(const Robot& robot, const Pose& pose, Real band, Closure& closure,
-                      Jacobians& jacobians, Reading& r, SensorRows& jr) {
-  if (is_mechanism(robot.mobility)) return by_rows(robot, pose, closure, jacobians, r, jr);
+                      Jacobians& jacobians, Reading& r, SensorRows& jr, Parasitic* rest) {
+  if (is_mechanism(robot.mobility)) return by_rows(robot, pose, closure, jacobians, r, jr, rest);
   Outcome outcome = ikm(robot, pose, closure);
   if (outcome) outcome = jacobian(closure, band, jacobians);
   const Outcome regular = outcome;

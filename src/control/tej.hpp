@@ -26,7 +26,8 @@ Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M, Extend
 
 /// Motors and readings at a pose, J and J_r: by closed forms, or of a described mechanism by the
 /// engine, where nothing is damped. @param closure  of a described mechanism: pose and q alone
+/// @param rest  of a described mechanism: as of ikm to a FullClosure
 /// @return near_singular where J is damped
 Outcome kinematics_at(const Robot& robot, const Pose& pose, Real band, Closure& closure,
-                      Jacobians& jacobians, Reading& r, SensorRows& jr);
+                      Jacobians& jacobians, Reading& r, SensorRows& jr, Parasitic* rest = nullptr);
 }  // namespace truepose

@@ -42,14 +42,14 @@ Reading WarmUp::explain(const GrowthRows& M, int r,
   return offset;
 }
 
-GrowthRows growth_rows(const Robot& robot, const Parity& parity, const Real* H_xi,
-                       const Growths& growth) {
+GrowthRows growth_rows(const Robot& robot, const Real* PH, const Growths& growth) {
+  const int width = parameter_count(robot);
   GrowthRows M{};
   for (int i = 0; i < robot.chains; ++i) {
     const auto grows = [&](int kind, ChainParameter of, Real size) {
       const int column = chain_column(i) + static_cast<int>(of);
       for (int k = 0; k < robot.r; ++k)
-        M[k][kind] += growth[kind] / kMostGrowth * size * parity.by(robot, H_xi, k, column);
+        M[k][kind] += growth[kind] / kMostGrowth * size * PH[k * width + column];
     };
     const Chain& chain = robot.chain[i];
     grows(0, ChainParameter::base_x, chain.base[0]);

@@ -14,9 +14,8 @@ inline constexpr Real kMostGrowth = 3;  ///< σ, largest growth
 using Growths = std::array<Real, kGrowths>;
 using GrowthRows = Matrix<kMaxSensors, kGrowths>;
 
-/// M at the parity's pose. @param growth  largest shares of the sizes
-GrowthRows growth_rows(const Robot& robot, const Parity& parity, const Real* H_xi,
-                       const Growths& growth);
+/// M at the parity's pose. @param PH  P H_ξ @param growth  largest shares of the sizes
+GrowthRows growth_rows(const Robot& robot, const Real* PH, const Growths& growth);
 
 /// Estimated growths.
 struct WarmUp {

@@ -37,13 +37,13 @@ std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   return mark | 1;
 }
 
-Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, const Extended& q_e,
+Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, const Joint& q,
                 const PoseRows& H_x, const Real* H_xi, Real* B, CachedGain& kept,
                 CachedFusion& at) {
   const int n = dof(robot.mobility);
   const int rows = n + robot.r, p = known.count;
   Matrix<kMaxDof, kMaxSensors> before{};  // K of the cached gain
-  const Real way = kept.way(n, q_e);
+  const Real way = kept.way(n, q);
   const bool compares = kept.of == mark && way > 0 && way < kTooFar && at.weigh(robot, known, kept);
   if (compares) before = at.gain;
   kept.of = 0;  // invalid until complete
@@ -82,7 +82,7 @@ Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, 
   }
   kept.reach = compares ? kMostReach : kFirstReach;
   if (kept.slope > 0) kept.reach = std::min(kept.reach, kept.share / (kFaster * kept.slope));
-  for (int i = 0; i < n; ++i) kept.q[i] = q_e[i];
+  for (int i = 0; i < n; ++i) kept.q[i] = q[i];
   kept.of = mark;
   return outcome;
 }

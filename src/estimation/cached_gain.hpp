@@ -40,8 +40,8 @@ struct CachedGain {
   Matrix<kMaxReadings, kMaxReadings> C{};  ///< lower triangle of [[A_ξ, N_ξ], [N_ξᵀ, V_ξ]]
 
   /// Travel of the motors since the refresh, added up.
-  Real way(int n, const Extended& q_e) const {
-    return sum_of(n, [&](int i) { return std::fabs(q_e[i] - q[i]); });
+  Real way(int n, const Joint& now) const {
+    return sum_of(n, [&](int i) { return std::fabs(now[i] - q[i]); });
   }
 };
 static_assert(std::is_trivially_copyable_v<CachedGain> && std::is_standard_layout_v<CachedGain>);
@@ -143,8 +143,9 @@ struct CachedFusion {
 };
 
 /// Refreshes the cache at a pose, and measures the error of the old one.
-/// @param at  in: placed; out: weighed @param B  work space, (n + r)×count
+/// @param q   of the motors there @param at  in: placed; out: weighed @param B  work space, (n +
+/// r)×count
 /// @return not_finite where some σ is not a positive number
-Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, const Extended& q_e,
+Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, const Joint& q,
                 const PoseRows& H_x, const Real* H_xi, Real* B, CachedGain& kept, CachedFusion& at);
 }  // namespace truepose

@@ -2,11 +2,12 @@
 #include "estimation/estimate.hpp"
 
 namespace truepose {
-bool is_last(Real size, Real last, Real chi2, int rows) {
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole) {
   // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
   const Real enough =
       kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
-  return size < enough || (size < 1e-6 && size > 0.25 * last);
+  const bool next = whole && last < INFINITY && size * size < kPredicted * enough * last;
+  return size < enough || next || (size < 1e-6 && size > 0.25 * last);
 }
 
 Real dot(int size, const Real* a, const Real* b) {
@@ -40,75 +41,185 @@ Real within_turn(const Robot& robot, int reading, Real difference) {
              : difference;
 }
 
-Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-             const PoseRows& H_x, Fusion& fusion) {
-  const int n = dof(robot.mobility);
-  const int rows = readings(robot);
-  PoseRows A = H_x;
-  for (int i = 0; i < rows; ++i)
-    for (int j = 0; j < n; ++j) A[i][j] /= known.sigma[i];
-  for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], kMaxDof);
+namespace {
+/// The normal equations AᵀA δx = Aᵀe of whitened rows A = L⁻¹ H_x.
+struct WhitenedRows {
+  PoseRows A;
   Square normal{};
   Coordinates size;
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j <= i; ++j)
-      for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
-    size[i] = normal[i][i];
+
+  WhitenedRows(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+               const PoseRows& H_x)
+      : A(H_x) {
+    const int n = dof(robot.mobility), rows = readings(robot);
+    for (int i = 0; i < rows; ++i)
+      for (int j = 0; j < n; ++j) A[i][j] /= known.sigma[i];
+    for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], kMaxDof);
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j <= i; ++j)
+        for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
+      size[i] = normal[i][i];
+    }
   }
-  const Ldlt factor(n, normal, size);
-  if (!factor.regular()) return {Status::singular, -1};
-  for (int j = 0; j < n; ++j) {
-    Coordinates unit{};
-    unit[j] = 1;
-    factor.solve(unit);
-    for (int i = 0; i < n; ++i) fusion.covariance[i][j] = unit[i];
+};
+struct Normal : WhitenedRows, Ldlt {
+  Normal(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+         const PoseRows& H_x)
+      : WhitenedRows(robot, known, C, H_x), Ldlt(dof(robot.mobility), normal, size) {}
+
+  void covariance(int n, PoseMatrix& P) const {
+    for (int j = 0; j < n; ++j) {
+      Coordinates unit{};
+      unit[j] = 1;
+      solve(unit);
+      for (int i = 0; i < n; ++i) P[i][j] = unit[i];
+    }
   }
+};
+
+/// Gauss-Newton steps to the pose of all readings.
+struct Search {
+  const Robot& robot;
+  const Knowledge& known;
+  const ReadingCovariance& C;
+  Expected& at;
+  const int n = dof(robot.mobility), rows = readings(robot);
+  Pose base = at.pose;  ///< the last pose that lowered the cost
+  Extended white{};     ///< whitened residual at the present pose
+  PoseMatrix covariance{};
+  Coordinates step{};  ///< from the base
+  Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
+
+  /// Shortens a step with less than a quarter of the predicted decrease to the minimum of the
+  /// parabola of both costs and the first slope, below 4/7 of it: where readings disagree by many
+  /// σ, curvature makes steps overshoot. Inexact slopes may raise the cost along it by 2 |whitened|
+  /// times their share of the promised change of the readings. @return whether it was shortened
+  bool shorten(Real next) {
+    const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
+    const Real inexact =
+        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
+    const Real most =
+        cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact;
+    if (!(next > most && std::isfinite(cost) && length > 1e-3)) return false;
+    length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
+    return true;
+  }
+
+  /// Sets a new step from here, its size, each coordinate against its own σ, and the decrease of
+  /// the cost that it promises. Curvature may also make successive steps shrink by a constant
+  /// ratio: the secant then goes to where they vanish, or ahead where they grow.
+  Outcome turn(Real next) {
+    const Normal equations(robot, known, C, at.H_x);
+    if (!equations.regular()) return {Status::singular, -1};
+    equations.covariance(n, covariance);
+    base = at.pose;
+    cost = next;
+    const Coordinates before = step;
+    Real along = 0, whole2 = 0;  // of the last one
+    Coordinates slope{};
+    for (int i = 0; i < n; ++i)
+      slope[i] = sum_of(rows, [&](int c) { return equations.A[c][i] * white[c]; });
+    step = slope;
+    equations.solve(step);
+    size = promised = 0;
+    for (int i = 0; i < n; ++i) {
+      promised += slope[i] * step[i];
+      size = std::max(size, step[i] * step[i] / covariance[i][i]);
+      along += step[i] * before[i] / covariance[i][i];
+      whole2 += before[i] * before[i] / covariance[i][i];
+    }
+    if (!(std::fabs(along) > 0.25 * whole2))
+      length = 1;
+    else if (along < 0.9 * whole2)
+      length = std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)));
+    else
+      length = 10;
+    return {};
+  }
+
+  /// Goes from the base by `part` of the step.
+  void go(Real part) {
+    Coordinates whole = step;
+    for (Real& entry : whole) entry *= part;
+    at.pose = moved(robot.mobility, base, whole);
+  }
+};
+}  // namespace
+
+Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const PoseRows& H_x, Fusion& fusion) {
+  const int n = dof(robot.mobility), rows = readings(robot);
+  const Normal equations(robot, known, C, H_x);
+  if (!equations.regular()) return {Status::singular, -1};
+  equations.covariance(n, fusion.covariance);
   for (int c = 0; c < rows; ++c) {
-    Coordinates column = A[c];
-    factor.solve(column);
+    Coordinates column = equations.A[c];
+    equations.solve(column);
     for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
   }
   for (int i = 0; i < n; ++i) {  // times L⁻¹, from the right
-    auto& row = fusion.gain[i];
-    for (int c = rows - 1; c >= 0; --c) {
-      for (int k = c + 1; k < rows; ++k) row[c] -= row[k] * C.L[k][c];
-      row[c] /= C.L[c][c];
-    }
-    for (int c = 0; c < rows; ++c) row[c] /= known.sigma[c];
+    C.colour(rows, fusion.gain[i].data());
+    for (int c = 0; c < rows; ++c) fusion.gain[i][c] /= known.sigma[c];
   }
   return {};
 }
 
-Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,
-                       Pose& pose, Real* work, Parasitic& rest, int cap) {
-  estimate_detail::Search search(robot, known, pose);
-  Real *H_xi = work, *B = work ? work + search.rows * parameter_count(robot) : nullptr;
-  const auto linearised = [&](Real* by_geometry) {
-    return linearise(level, robot, search.at, search.expected, search.H_x, by_geometry, &rest);
-  };
-  Outcome outcome = linearised(H_xi);
-  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, search.C);
-  int iterations = 0;
+Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+          const Extended& q_e, const Extended& expected, Extended& white) {
+  const int rows = readings(robot);
+  innovation(robot, q_e, expected, white);
+  for (int c = 0; c < rows; ++c) white[c] /= known.sigma[c];
+  C.whiten(rows, white.data(), 1);
+  return sum_of(rows, [&](int c) { return white[c] * white[c]; });
+}
+
+Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+                const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap) {
+  const bool counted = rest.left != kUncounted;
+  Search found{robot, known, C, at};
+  Outcome outcome;
+  int iterations = done;
   for (; outcome; ++iterations) {
-    innovation(robot, q_e, search.expected, search.residual);
-    const Real next = search.chi2(search.residual), last = search.size;
+    const Real next = chi2(robot, known, C, q_e, at.q_e, found.white), last = found.size;
+    const bool whole = found.length == 1;
     outcome.status = std::isfinite(next) ? Status::ok : Status::not_converged;
-    if (outcome && !search.shorten(next)) {
-      outcome = search.turn(next);
-      const bool late = iterations >= kEstimateIterations - 2 && search.size < kLateStep;
-      if (outcome && (late || is_last(search.size, last, search.cost, search.rows)))
-        return search.found(iterations + 1, 1, pose);
+    if (outcome && !found.shorten(next)) {
+      outcome = found.turn(next);
+      const bool late = is_late(found.size, iterations, counted);
+      if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole))) {
+        found.go(1);
+        const Real left = std::max(found.cost - found.promised, Real(0));
+        return {{}, iterations + 1, left, found.covariance};
+      }
     }
     if (!outcome) break;
-    if (iterations == kEstimateIterations && std::max(search.promised, search.size) < kFlat)
-      return search.found(iterations, 0, pose);
-    search.found(iterations, search.length, search.at);
-    const bool goes_on = all_finite(search.step, dof(robot.mobility)) && iterations < cap;
-    outcome = goes_on ? linearised(nullptr) : Outcome{Status::not_converged, -1};
+    const bool spent = rest.most(true) < 1 && found.cost < kPlausible * found.rows;
+    if ((spent || iterations == kEstimateIterations) &&
+        std::max(found.promised, found.size) < kFlat) {
+      found.go(spent ? found.length : 0);
+      return {{}, iterations, found.cost, found.covariance};
+    }
+    found.go(found.length);
+    const bool goes_on = all_finite(found.step, found.n) && iterations < cap;
+    outcome = goes_on ? linearise(level, robot, at.pose, at.q_e, at.H_x, nullptr, &rest)
+                      : Outcome{Status::not_converged, -1};
     if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings
       outcome = {Status::not_converged, -1};
   }
   return {outcome, iterations};
+}
+
+Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,
+                       Pose& pose, Real* work, Parasitic& rest, int cap) {
+  Real *H_xi = work, *B = work ? work + readings(robot) * parameter_count(robot) : nullptr;
+  Expected at{pose, {}, {}};
+  ReadingCovariance C;
+  Outcome outcome = linearise(level, robot, pose, at.q_e, at.H_x, H_xi, &rest);
+  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
+  if (!outcome) return {outcome};
+  const Estimate found = search(level, robot, known, C, q_e, at, rest, 0, cap);
+  if (found) pose = at.pose;
+  return found;
 }
 
 void weighted_tej(const Robot& robot, const PoseRows& H_x, const Fusion& fusion,

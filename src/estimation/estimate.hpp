@@ -17,23 +17,42 @@ inline constexpr int kEstimateIterations = 16;  ///< 5 from the motors' pose whe
 /// error is its square, or a few per cent of it where readings disagree by several σ.
 inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
-/// The same for the last two iterations: where readings disagree and hardly determine a coordinate,
-/// steps may shrink by no more than a tenth, and a few hundredths of σ remain.
+/// The same where a search must end: at its last two iterations, and in a control cycle after
+/// kQuickSteps. 3e-3 of σ add 1e-5 of the variance; where steps shrink by no more than a tenth, a
+/// few hundredths of σ remain.
 inline constexpr Real kLateStep = 1e-5;
 
-/// Decrease of χ² that a step may still promise at the last iteration: below the readings'
-/// resolution. Where these leave a coordinate open, curvature makes Gauss-Newton creep within σ.
+/// Steps that suffice in most cycles of a controller.
+inline constexpr int kQuickSteps = 2;
+
+/// Decrease of χ² that a step may still promise at the last iteration, or where a control cycle has
+/// no steps left: below the readings' resolution. Where these leave a coordinate open, curvature
+/// makes Gauss-Newton creep within σ.
 inline constexpr Real kFlat = 0.5;
+
+/// χ² by reading, of 10 σ each, beyond which a control cycle's search may be in another valley: it
+/// goes on.
+inline constexpr Real kPlausible = 100;
 
 /// Share of the readings' slope that the elastic full level may neglect: its derivatives keep the
 /// rods' stress constant (mechanism/full.hpp). Of whitened readings, which decide on a step, this
 /// is up to 0.04 on calibrated Par4s.
 inline constexpr Real kElasticSlope = 0.1;
 
+/// (step/σ)², as a share of kLastStep, below which the next step may be predicted to be: 3e-8 of a
+/// σ.
+inline constexpr Real kPredicted = 1e-5;
+
 /// Whether a Gauss-Newton step is the last.
-/// @param size  (step/σ)² of the coordinate that moves most; `last`: of the step before
-/// @param chi2  of as many readings as there are rows
-bool is_last(Real size, Real last, Real chi2, int rows);
+/// @param size   (step/σ)² of the coordinate that moves most; `last`: of the step before
+/// @param chi2   of as many readings as there are rows
+/// @param whole  the step before was taken as it was: steps shrink at least at its rate
+bool is_last(Real size, Real last, Real chi2, int rows, bool whole = true);
+
+/// The same late in a search. @param counted  in a control cycle
+inline bool is_late(Real size, int iterations, bool counted) {
+  return size < kLateStep && iterations >= (counted ? kQuickSteps + 1 : kEstimateIterations - 2);
+}
 
 /// Numbers of work space for `reading_covariance` (its H_xi and B) and `estimate`.
 inline int estimate_work(const Robot& robot, int count) {
@@ -125,84 +144,25 @@ struct Estimate {
   explicit operator bool() const { return bool(outcome); }
 };
 
-namespace estimate_detail {
-/// Gauss-Newton steps to the pose of all readings, with the weights at the start.
-struct Search {
-  const Robot& robot;
-  const Knowledge& known;
-  const int n, rows;
-  Pose at, base;  ///< present pose; the last one that lowered the cost
-  Extended expected, residual{};
+/// Readings expected at a pose, and their slopes.
+struct Expected {
+  Pose pose;
+  Extended q_e;
   PoseRows H_x;
-  ReadingCovariance C;
-  Fusion fusion;
-  Coordinates step{};  ///< from the base
-  Real cost = INFINITY, promised = 0, length = 1, size = INFINITY;
-
-  Search(const Robot& of, const Knowledge& about, const Pose& start)
-      : robot(of), known(about), n(dof(of.mobility)), rows(readings(of)), at(start) {}
-
-  /// χ² of a difference of readings.
-  Real chi2(Extended difference) const {
-    for (int c = 0; c < rows; ++c) difference[c] /= known.sigma[c];
-    C.whiten(rows, difference.data(), 1);
-    return sum_of(rows, [&](int c) { return difference[c] * difference[c]; });
-  }
-
-  /// Shortens a step with less than a quarter of the predicted decrease to the minimum of the
-  /// parabola of both costs and the first slope, below 4/7 of it: where readings disagree by many
-  /// σ, curvature makes steps overshoot. Inexact slopes may raise the cost along it by 2 |whitened|
-  /// times their share of the promised change of the readings. @return whether it was shortened
-  bool shorten(Real next) {
-    const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
-    const Real inexact =
-        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
-    const Real most =
-        cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact;
-    if (!(next > most && std::isfinite(cost) && length > 1e-3)) return false;
-    length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
-    return true;
-  }
-
-  /// Sets a new step from here, its size, each coordinate against its own σ, and the decrease of
-  /// the cost that it promises. Curvature may also make successive steps shrink by a constant
-  /// ratio: the secant then goes to where they vanish, or ahead where they grow.
-  Outcome turn(Real next) {
-    const Outcome outcome = fuse(robot, known, C, H_x, fusion);
-    if (!outcome) return outcome;
-    base = at;
-    cost = next;
-    const Coordinates before = step;
-    Real along = 0, whole2 = 0;  // of the last one
-    size = 0;
-    for (int i = 0; i < n; ++i) {
-      step[i] = sum_of(rows, [&](int c) { return fusion.gain[i][c] * residual[c]; });
-      size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
-      along += step[i] * before[i] / fusion.covariance[i][i];
-      whole2 += before[i] * before[i] / fusion.covariance[i][i];
-    }
-    if (!(std::fabs(along) > 0.25 * whole2))
-      length = 1;
-    else if (along < 0.9 * whole2)
-      length = std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)));
-    else
-      length = 10;
-    Extended left{};
-    for (int c = 0; c < rows; ++c)
-      left[c] = residual[c] - sum_of(n, [&](int i) { return H_x[c][i] * step[i]; });
-    promised = cost - chi2(left);
-    return {};
-  }
-
-  /// The result at the base after `part` of the step.
-  Estimate found(int iterations, Real part, Pose& pose) const {
-    Coordinates whole = step;
-    for (Real& entry : whole) entry *= part;
-    pose = moved(robot.mobility, base, whole);
-    return {{}, iterations, cost, fusion.covariance};
-  }
 };
-}  // namespace estimate_detail
+
+/// χ² of the readings at a pose. @param white  out: their whitened residual
+Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+          const Extended& q_e, const Extended& expected, Extended& white);
+
+/// Searches for the pose of all readings by weighted Gauss-Newton.
+/// @param C     the weights
+/// @param at    in: the start; out: at x̂, or where the search would go on
+/// @param rest  as of linearise, for the full level
+/// @param done  steps that this search has taken before
+/// @param cap   steps in all
+Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+                const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap);
 
 /// Estimates the pose by weighted Gauss-Newton on all readings, with the weights at the start.
 /// @param known  about the robot's own parameter values

@@ -65,8 +65,8 @@ ClosureRows::ClosureRows(const Mechanism& mechanism, const Position& at, const F
                          bool stressed) {
   Row sizes{};
   for (int i = 0; i < mechanism.closures; ++i) {
-    const Row by = row(mechanism, at, i, sizes);
-    for (int j = 0; j < unknown.count; ++j) A[i][j] = by[unknown.index[j]];
+    by[i] = row(mechanism, at, i, sizes);
+    for (int j = 0; j < unknown.count; ++j) A[i][j] = by[i][unknown.index[j]];
     if (!stressed) continue;
     A[i][unknown.count] = -at.stress[i];  // f - λ stress
     size[unknown.count] += at.stress[i] * at.stress[i];
@@ -121,16 +121,13 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
 
 Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
                const Freedoms& held, Matrix<kMaxUnknowns, kMaxUnknowns>& rates) {
-  std::array<Row, kClosures> by;
-  for (int i = 0; i < mechanism.closures; ++i) {
+  for (int i = 0; i < mechanism.closures; ++i)
     if (stretched(mechanism, at, i)) return {Status::singular, i};
-    by[i] = row(mechanism, at, i);
-  }
   const Equations equations(mechanism, at, unknown);
   if (!equations.regular()) return {Status::singular, -1};
   std::array<Real, kClosures> f;
   for (int j = 0; j < held.count; ++j) {
-    for (int i = 0; i < mechanism.closures; ++i) f[i] = -by[i][held.index[j]];
+    for (int i = 0; i < mechanism.closures; ++i) f[i] = -equations.by[i][held.index[j]];
     const Unknowns column = equations.solve(f.data());
     for (int i = 0; i < unknown.count; ++i) rates[i][j] = column[i];
   }

@@ -61,10 +61,9 @@ Outcome at_home(const Robot& robot, Layout layout, FullClosure& home) {
 }
 }  // namespace
 
-Parasitic FullClosure::residual(const engine::Row& ideal) const {
-  Parasitic rest{true, {}};
+void FullClosure::note(const engine::Row& ideal, Parasitic& rest) const {
+  rest.known = true;
   for (int j = 0; j < built.mechanism.freedoms; ++j) rest.y[j] = at.y[j] - ideal[j];
-  return rest;
 }
 
 FullPose to_full(const Pose& pose) {
@@ -176,15 +175,18 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasi
   const Outcome outcome = start_at(robot, pose, closure.built, start);
   if (!outcome) return {outcome};
   const engine::Freedoms unknown = engine::inverse(closure.built.mechanism);
-  FkmResult result;
-  for (bool near = rest && rest->known;; near = false) {
+  FkmResult result{{Status::not_converged, -1}};
+  Parasitic alone;
+  if (!rest) rest = &alone;
+  for (bool near = rest->known; rest->most(near) > 0; near = false) {
     closure.at.y = start;
     for (int k = 0; k < unknown.count && near; ++k)
       closure.at.y[unknown.index[k]] += rest->y[unknown.index[k]];
-    result = close_rods(robot, to_full(pose), unknown, kFkmCap, near, closure);
+    result = close_rods(robot, to_full(pose), unknown, rest->most(near), near, closure);
+    rest->take(result.iterations);
     if (result || !near) break;
   }
-  if (result && rest) *rest = closure.residual(start);
+  if (result) closure.note(start, *rest);
   return result;
 }
 

@@ -23,11 +23,32 @@ struct FullPose : Pose {
 /// Full pose of an ideal pose.
 FullPose to_full(const Pose& pose);
 
+inline constexpr int kUncounted = 1 << 30;
+inline constexpr int kClosing = 2;      ///< a closing costs as much as so many of its Newton steps
+inline constexpr int kNearClosing = 5;  ///< Newton steps that suffice from a solution nearby,
+inline constexpr int kFarClosing = 10;  ///< and from the ideal level, where steps are counted
+
+/// Steps that the closings of a control cycle may take (Parasitic): paths of the H4 take 12. A
+/// search for x̂ that has none left goes on in the next cycle.
+inline constexpr int kCycleSteps = 16;
+/// Those of a robot: a described mechanism's closings, which start at its home, are not counted.
+constexpr int cycle_steps(const Robot& robot) {
+  return is_mechanism(robot.mobility) ? kUncounted : kCycleSteps;
+}
+
 /// Residual motion: the full level's freedoms against the ideal ones at the same pose. It changes
 /// slowly with the pose: a solution nearby starts from it.
 struct Parasitic {
   bool known = false;
   engine::Row y{};
+  int left = kUncounted;  ///< steps that closings may still take: a closing two, and its Newton's
+
+  /// Newton steps of a closing. @param near  it starts at a solution nearby
+  int most(bool near) const {
+    return left == kUncounted ? kFkmCap
+                              : std::min(left - kClosing, near ? kNearClosing : kFarClosing);
+  }
+  void take(int steps) { left -= left == kUncounted ? 0 : kClosing + steps; }
 };
 
 /// A robot in one position, all rods closed or not. Rod 2i is chain i's +, rod 2i + 1 its -.
@@ -39,8 +60,8 @@ struct FullClosure {
   Joint motors{};
 
   const Joint& q() const { return motors; }
-  /// @param ideal  freedoms of the ideal level at the same pose
-  Parasitic residual(const engine::Row& ideal) const;
+  /// Notes the residual motion. @param ideal  freedoms of the ideal level at the same pose
+  void note(const engine::Row& ideal, Parasitic& rest) const;
 };
 
 /// Whether a mobility needs spatial parallelograms: single rods could not hold the orientation.
@@ -70,6 +91,7 @@ FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& c
 /// Motor positions, tilt and bars' turns that hold D and θ (of a translation robot: D), all rods
 /// closed. Starts at the ideal inverse model.
 /// @param rest  in: residual motion at a pose nearby; out: at this one, if ok
+/// @return also not_converged where no steps are left
 FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure,
               Parasitic* rest = nullptr);
 

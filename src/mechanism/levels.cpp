@@ -26,17 +26,21 @@ Outcome read(const Robot& robot, const FullClosure& at, Extended& q_e) {
                                           Parasitic& rest) {
   FullPose full = to_full(pose);
   FullClosure closure;
-  const Status status = fkm(robot, q, full, closure, kFkmStart, rest).status;
+  const int most = std::min(kFkmStart, rest.most(false));
+  if (most < 1) return Status::not_converged;
+  const FkmResult result = fkm(robot, q, full, closure, most, rest);
+  const Status status = result.status;
+  rest.take(result.iterations);
   if (status != Status::ok) return status;
   // D and θ are the coordinates; tilt and bars follow from them.
   pose = full;
   if (is_mechanism(robot.mobility)) {
-    rest = closure.residual(stand(robot, closure.built, q, pose));
+    closure.note(stand(robot, closure.built, q, pose), rest);
     return status;
   }
   pose.R = turns_about_z(robot.mobility) ? rotation_z(pose.theta) : Mat3::Identity();
   if (Closure ideal; ikm(robot, pose, ideal))
-    rest = closure.residual(stand(robot, closure.built, ideal.q(), pose));
+    closure.note(stand(robot, closure.built, ideal.q(), pose), rest);
   return status;
 }
 }  // namespace

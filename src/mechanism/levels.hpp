@@ -33,7 +33,7 @@ template <class F>
 
 /// f(closure) with all loops closed at a pose: a FullClosure where the rods have a model of their
 /// own at this level, else a Closure.
-/// @param rest   as of ikm to a FullClosure
+/// @param rest   as of ikm to a FullClosure; at the ideal level a closing takes one step
 /// @param angle  as of ikm to a Closure
 /// @return also no_full_level (robot.full)
 template <class F>
@@ -43,6 +43,10 @@ Outcome closed(Level level, const Robot& robot, const Pose& pose, F&& f, Parasit
   if (by_engine(level, robot))
     return engine_closes(robot) ? levels_detail::closed_full(robot, pose, f, rest)
                                 : Outcome{Status::no_full_level, -1};
+  if (rest) {
+    if (rest->most(true) < 1) return {Status::not_converged, -1};
+    rest->take(1 - kClosing);  // half as much work
+  }
   Closure closure;
   const Outcome outcome = ikm(robot, pose, closure, angle);
   return outcome ? f(closure) : outcome;

@@ -105,6 +105,7 @@ inline bool stretched(const Mechanism& mechanism, const Position& at, int closur
 struct ClosureRows {
   ClosureRows(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
               bool stressed);
+  std::array<Row, kClosures> by;  ///< ∂f/∂y
   std::array<Unknowns, kClosures> A;
   Unknowns size{};  ///< as of Factors
 };

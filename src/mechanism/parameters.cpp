@@ -30,10 +30,13 @@ struct Readings {
   std::array<std::array<SensedFreedoms::Side, 2>, kMaxSensors> side;
   std::array<engine::Row, kMaxReadings> e;      ///< e_u and e_x
   Matrix<kMaxReadings, engine::kClosures> S{};  ///< e_u A⁻¹
+  const PredictionRows* const g;                ///< null, or H is P H_ξ
+  const int first = g ? m : 0;                  ///< reading of H's first row
   Real* H = nullptr;                            ///< H_ξ
 
-  Readings(const Robot& of, const Built& as, const engine::Position& there, Real theta)
-      : robot(of), built(as), at(there) {
+  Readings(const Robot& of, const Built& as, const engine::Position& there, Real theta,
+           const PredictionRows* predicts)
+      : robot(of), built(as), at(there), g(predicts) {
     for (int i = 0; i < m; ++i) {
       e[i].fill(0);
       e[i][i] = robot.chain[i].encoder_errs ? encode(robot.chain[i], at.y[i]).slope : 1;
@@ -49,9 +52,15 @@ struct Readings {
 
   /// A parameter that changes f of a closure at fixed freedoms.
   void enter_closure(int closure, int column, Real f) {
-    for (int c = 0; c < count && f != 0; ++c) H[c * width + column] -= S[c][closure] * f;
+    for (int c = first; c < count && f != 0; ++c)
+      H[(c - first) * width + column] -= S[c][closure] * f;
   }
-  Real& entry(int sensor, int column) { return H[(m + sensor) * width + column]; }
+  Real& entry(int sensor, int column) { return H[(m + sensor - first) * width + column]; }
+  /// A parameter that changes a motor's reading, the motor at rest.
+  void enter_motor(int motor, int column, Real value) {
+    if (!g) H[motor * width + column] = value;
+    for (int k = 0; k < robot.r && g; ++k) H[k * width + column] -= (*g)[k][motor] * value;
+  }
 
   /// A parameter that moves one end of a closure, A (0) or B (1), at fixed freedoms; with it turns
   /// the frame of a joint that a sensor reads there.
@@ -124,19 +133,18 @@ void Readings::encoder_columns(int i) {
   using enum ChainParameter;
   const Chain& chain = robot.chain[i];
   const bool revolute = chain.actuator == Actuator::revolute;
-  Real* encoder = H + i * width + chain_column(i);
-  const auto column = [](ChainParameter parameter) { return static_cast<int>(parameter); };
+  const auto enter = [&](ChainParameter parameter, Real value, int next = 0) {
+    enter_motor(i, chain_column(i) + static_cast<int>(parameter) + next, value);
+  };
   const Real v = (motor_reading(chain, at.y[i]) + chain.encoder_offset) / chain.encoder_gain;
-  encoder[column(encoder_offset)] = -1;
-  encoder[column(encoder_gain)] = v;
+  enter(encoder_offset, -1);
+  enter(encoder_gain, v);
   if (revolute) {
     const std::array<Real, 4> harmonic = harmonics(chain.eccentricity, at.y[i]);
     for (int k = 0; k < 4; ++k)
-      encoder[column(eccentricity_c1) + k] =
-          chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
+      enter(eccentricity_c1, chain.encoder_gain * harmonic[k] / chain.eccentricity.gear, k);
   } else {
-    encoder[column(encoder_buildup)] =
-        -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v);
+    enter(encoder_buildup, -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v));
   }
 }
 
@@ -144,7 +152,7 @@ void Readings::encoder_columns(int i) {
 void Readings::sensor_columns(int k) {
   const Sensor& of = robot.sensor[k];
   const Sensed& s = sensed[k];
-  Real* row = H + (m + k) * width + sensor_column(robot, k);
+  Real* row = &entry(k, sensor_column(robot, k));
   row[static_cast<int>(SensorParameter::offset)] = -1;
   row[static_cast<int>(SensorParameter::gain)] = s.value;
   int column = static_cast<int>(SensorParameter::origin_x);
@@ -204,18 +212,22 @@ void Readings::described_columns(int closure) {
 
 void Readings::parameter_columns(Real* H_xi) {
   H = H_xi;
-  std::fill(H, H + count * width, Real(0));
+  std::fill(H, H + (count - first) * width, Real(0));
+  for (int k = 0; k < robot.r && g; ++k)
+    for (int i = 0; i < m; ++i)
+      for (int rod = 0; rod < built.mechanism.closures; ++rod)
+        S[m + k][rod] -= (*g)[k][i] * S[i][rod];
   const bool described = is_mechanism(robot.mobility);
   for (int i = 0; i < m; ++i) described ? encoder_columns(i) : chain_columns(i);
-  const int first = described ? 0 : built.platform + 1 - joints_of(robot);
-  for (int j = 0; j < joints_of(robot); ++j) joint_columns(first + j, axis_column(robot, j));
+  const int body = described ? 0 : built.platform + 1 - joints_of(robot);
+  for (int j = 0; j < joints_of(robot); ++j) joint_columns(body + j, axis_column(robot, j));
   for (int i = 0; i < built.mechanism.closures && described; ++i) described_columns(i);
   for (int k = 0; k < robot.r; ++k) sensor_columns(k);
 }
 }  // namespace
 
 Outcome linearise(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
-                  Extended& q_e, PoseRows& H_x, Real* H_xi) {
+                  Extended& q_e, PoseRows& H_x, Real* H_xi, const PredictionRows* g) {
   if (const Outcome outcome = read(robot, built, at, theta, q_e); !outcome) return outcome;
   const engine::Mechanism& m = built.mechanism;
   for (int rod = 0; rod < m.closures; ++rod)
@@ -223,25 +235,33 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
   const engine::Freedoms unknown = engine::inverse(m);
   const engine::Equations equations(m, at, unknown);
   if (!equations.regular()) return {Status::singular, -1};
-  Readings by(robot, built, at, theta);
+  Readings by(robot, built, at, theta, g);
   for (int c = 0; c < by.count; ++c) std::copy_n(by.e[c].begin() + by.m, by.n, H_x[c].begin());
+  // e_u u, for a motion u of the unknown freedoms
+  const auto seen = [&](int c, const Unknowns& u) {
+    return sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
+  };
+  for (int j = 0; j < by.n; ++j) {
+    std::array<Real, engine::kClosures> f;
+    for (int rod = 0; rod < m.closures; ++rod) f[rod] = equations.by[rod][by.m + j];
+    const Unknowns u = equations.solve(f.data());
+    for (int c = 0; c < by.count; ++c) H_x[c][j] -= seen(c, u);
+  }
+  if (!H_xi) return {};
   for (int rod = 0; rod < m.closures; ++rod) {
     const Unknowns u = equations.column(rod);
-    const engine::Row row = engine::row(m, at, rod);
-    for (int c = 0; c < by.count; ++c) {
-      by.S[c][rod] = sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
-      for (int j = 0; j < by.n; ++j) H_x[c][j] -= by.S[c][rod] * row[by.m + j];
-    }
+    for (int c = 0; c < by.count; ++c) by.S[c][rod] = seen(c, u);
   }
-  if (H_xi) by.parameter_columns(H_xi);
+  by.parameter_columns(H_xi);
   return {};
 }
 
-void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H) {
+void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H,
+                        const PredictionRows* g) {
   Built built;
   engine::Position at;
   stand(robot, closure, built, at);
-  Readings by(robot, built, at, closure.pose.theta);
+  Readings by(robot, built, at, closure.pose.theta, g);
   // Each motor follows its own rod alone. Near a singularity J_q is the closure's, damped.
   for (int c = 0; c < by.count; ++c)
     for (int i = 0; i < by.m; ++i)

@@ -105,17 +105,23 @@ inline int sensor_column(const Robot& robot, int sensor) {
   return robot.chains * kChainParameters + kMaxBars + sensor * kSensorParameters;
 }
 
+/// The sensors' rates by the motors', J_r J.
+using PredictionRows = Matrix<kMaxSensors, kMaxMotors>;
+
 /// q_e, H_x and, unless null, H_ξ at a closed position of any layout but the free one . At fixed x
 /// the motors and hidden freedoms u = (q, h) follow a parameter: with A = ∂f/∂u and X = ∂f/∂x of
 /// all closures f(u; x, ξ) = 0,
 ///
 ///     A δu + X δx + f_ξ δξ = 0        δq_e = e_u δu + e_x δx + e_ξ δξ
 ///
-/// so that S = e_u A⁻¹, one row per reading, gives H_x = e_x - S X and H_ξ = e_ξ - S f_ξ.
+/// so that H_x = e_x - e_u A⁻¹ X and, with S = e_u A⁻¹ of one row per reading, H_ξ = e_ξ - S f_ξ.
+/// @param g  unless null H_xi becomes P H_ξ, r rows, P = [-g, I]
 /// @return also singular, with the chain whose arm is stretched, or -1
 Outcome linearise(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
-                  Extended& q_e, PoseRows& H_x, Real* H_xi);
+                  Extended& q_e, PoseRows& H_x, Real* H_xi, const PredictionRows* g = nullptr);
 /// Computes H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in the
 /// caller's memory. Directions and normals have unit length; else divide their columns by it.
-void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H);
+/// @param g  as of linearise
+void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H,
+                        const PredictionRows* g = nullptr);
 }  // namespace truepose

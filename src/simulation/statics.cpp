@@ -104,7 +104,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     if (faults) faults->make_faulty(0, q_e);
     Joint error{};
     Pose found;
-    outcome = motor_error(nominal, law, reference, q_e, error, found, weighing, nearby);
+    outcome = motor_error(nominal, law, reference, q_e, error, found, weighing);
     if (!outcome) return outcome;
     if (settings.gravity) loaded.relieve(load, error);
     Coordinates step{};
@@ -144,7 +144,8 @@ Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& 
         q_e = reference.q_e;
         q_e[c] += side * kStep;
         Pose found;
-        const Outcome there = found_pose(robot, law, reference.closure.pose, q_e, found, weighing);
+        Joint error{};
+        const Outcome there = motor_error(robot, law, reference, q_e, error, found, weighing);
         if (!there) return there;
         change[side > 0] = difference(robot.mobility, found, reference.pose);
       }

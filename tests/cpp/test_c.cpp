@@ -206,6 +206,7 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
     truepose_controller controller = controller_in_c(table);
     truepose_controller alone = controller_in_c(table);  // of drives that close their own loops
     ControlState state;
+    Nearby nearby;
     CachedGain kept, kept_alone;
     Weighing keeps = known.prior.weighing(), keeps_alone = keeps;
     keeps.kept = &kept;
@@ -225,7 +226,8 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       CHECK(same(cycle.error, e));
       CHECK(same(truepose_controller_servo(model, &alone, setpoint.x.data(), q_e.data(), known,
                                            known.work.data(), &cycle),
-                 motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing)));
+                 motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing,
+                             &nearby)));
       CHECK(same(cycle.error, e));
       CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
                                   known.work.data(), torque),

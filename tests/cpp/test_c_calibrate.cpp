@@ -61,7 +61,7 @@ struct Bench {
 
 TEST("a calibration in C has the core's parameters, covariance, poses and status") {
   for (const bool tracked : {false, true}) {
-    for (const int loss : {TRUEPOSE_LOSS_SQUARES, TRUEPOSE_LOSS_HUBER, TRUEPOSE_LOSS_STUDENT}) {
+    for (const int loss : {TRUEPOSE_LOSS_SQUARES, TRUEPOSE_LOSS_STUDENT}) {
       Bench bench;
       bench.log.loss = loss;
       bench.log.measured = tracked ? bench.measured.data() : nullptr;

@@ -193,7 +193,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       Reference reference;
       Joint error;
       Pose kept;
-      CHECK(refer(scene.robot, Law::estimated, x, reference));
+      CHECK(refer(scene.robot, Law::estimated, x, reference, 0, scene.keeping()));
       CHECK(motor_error(scene.robot, Law::estimated, reference, q_e, error, kept, scene.keeping()));
       Pose fresh = kept;  // weights of that pose
       Parasitic rest;

@@ -76,7 +76,7 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
     fit = tp.calibrate(
         tp.load("h4").with_sensors("theta", "z_telemeter"),
         readings,
-        options=CalibrationOptions(loss="student"),
+        options=CalibrationOptions(),
     )
     assert robot.parameters == fit.robot.parameters
     page = (tmp_path / "mine.html").read_text(encoding="utf-8")
@@ -99,7 +99,7 @@ def test_postures_in_a_log_are_poses_that_were_measured(run, tmp_path):
 def test_the_figures_are_those_of_the_calibration(h4, readings):
     robot = h4.with_sensors("theta", "z_telemeter")
     log, _ = log_checks.check(robot, logs.of(robot, readings))
-    result = review.assess(Case(robot, log, CalibrationOptions(loss="student")))
+    result = review.assess(Case(robot, log, CalibrationOptions()))
     good = review.counted(result)
     assert good.sum() == 119 and not good[40]
     expected = robot.expected()
@@ -143,7 +143,7 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, refusal, readings, t
         (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
         (
             ["h4", "log.csv", "--loss", "cubes"],
-            "'cubes' is not one of 'squares', 'huber', 'student'",
+            "'cubes' is not one of 'squares', 'student'",
         ),
         (["delta", "log.csv"], "nothing to calibrate from"),
     ],
@@ -168,7 +168,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
 
 
 @pytest.mark.parametrize("level", ["ideal", "full"])
-@pytest.mark.parametrize("loss", ["squares", "huber", "student"])
+@pytest.mark.parametrize("loss", ["squares", "student"])
 def test_every_loss_and_level_runs(run, log, loss, level):
     words = ["h4", log, "--loss", loss, "--level", level, "--reference-pose", "0,0,-0.4,0"]
     words += ["--cause", "apply"]  # squares do without the log's outliers

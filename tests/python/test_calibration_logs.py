@@ -274,15 +274,11 @@ def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
 
 
 def test_a_table_gives_the_fit_of_its_columns(robot, q_e):
-    by_rows = tp.calibrate(robot, q_e, options=CalibrationOptions(loss="student"))
-    by_name = tp.calibrate(
-        robot, table(robot, q_e[:, ::1]), options=CalibrationOptions(loss="student")
-    )
+    by_rows = tp.calibrate(robot, q_e)
+    by_name = tp.calibrate(robot, table(robot, q_e[:, ::1]))
     assert by_name.robot.parameters == by_rows.robot.parameters and by_name.notes == ()
     shuffled = dict(reversed(table(robot, q_e).items()))
-    assert tp.calibrate(
-        robot, shuffled, options=CalibrationOptions(loss="student")
-    ).robot.parameters == (by_rows.robot.parameters)
+    assert tp.calibrate(robot, shuffled).robot.parameters == (by_rows.robot.parameters)
 
 
 def test_measured_columns_are_measurements(h4, table2):
@@ -300,7 +296,7 @@ def test_outliers_are_listed_worst_first(robot, q_e):
     wrong = q_e.copy()
     wrong[11, 4] += 0.01
     wrong[77, 5] += 0.02
-    fit = tp.calibrate(robot, table(robot, wrong), options=CalibrationOptions(loss="student"))
+    fit = tp.calibrate(robot, table(robot, wrong))
     assert fit.outliers.tolist() == [11, 77]
     assert fit.chi2[77] > fit.chi2[11]
     assert fit.notes == ("rows 78, 12: 2 outliers, worst first",)

@@ -77,9 +77,8 @@ def test_tolerances_twice_too_small_are_said_and_right_ones_are_not(
     assert factor == pytest.approx(times, rel=0.15)
 
 
-@pytest.mark.parametrize("loss", ["huber", "student"])
-def test_robust_losses_say_it_too(loss, anywhere):
-    fit = calibrated("stewart", anywhere, 1, 2, loss=loss)
+def test_a_robust_loss_says_it_too(anywhere):
+    fit = calibrated("stewart", anywhere, 1, 2, loss="student")
     (note,) = fit.notes
     factor = re.search(
         r"^the tolerances seem too small by a factor of about (\S+), judged by the (\d+) comb", note

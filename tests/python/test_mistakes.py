@@ -114,8 +114,8 @@ MISTAKES = {
         "in degrees, must be rad",
     ),
     "a loss misspelt": (
-        lambda: tp.calibrate(H4, some_readings(), options=CalibrationOptions(loss="hubber")),
-        "mean 'huber'",
+        lambda: tp.calibrate(H4, some_readings(), options=CalibrationOptions(loss="studend")),
+        "mean 'student'",
     ),
     "motors to estimate": (
         lambda: H4.estimate(Q),

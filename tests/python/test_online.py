@@ -167,6 +167,19 @@ def test_a_controller_sees_that_its_learner_gave_up(h4):
     assert (np.diff(run.gave_up.astype(int)) >= 0).all()
 
 
+@pytest.mark.parametrize(
+    "sensors", [("theta",), ("theta", "z_telemeter"), ("theta", "elbow1", "elbow2")]
+)
+def test_a_robot_as_built_moves_while_it_learns(h4, sensors):
+    """The geometry changes in every cycle, and the estimate is far from the setpoint."""
+    robot = h4.with_sensors(*sensors)
+    for seed in range(3):
+        online = tp.OnlineCalibrator(robot)
+        run = tp.simulate(robot, robot.sample(seed), "estimated", run=Run(learn=online))
+        frozen = tp.simulate(robot, robot.sample(seed), "estimated")
+        assert len(run.error) == len(frozen.error)
+
+
 def test_a_line_without_numbers_is_refused_and_leaves_the_filter_as_it_was(h4, lines):
     _, q_e = lines
     online = tp.OnlineCalibrator(h4)

@@ -63,7 +63,7 @@ def test_calibration_of(kept, h4, case):
     truth, x, of = h4.sample(5), some(h4, 20), tp.calibration
     q_e, options = truth.read(x, seed=6), {}
     if case == "known":
-        how = of.CalibrationOptions(registration="known", loss="huber")
+        how = of.CalibrationOptions(registration="known")
         options = {"measured": x, "measured_sigma": 5e-5, "options": how}
     elif case == "tracker":
         options = {
@@ -97,7 +97,7 @@ def test_calibration_of(kept, h4, case):
         }
     elif case == "homings":
         earlier = of.homings(h4, np.repeat([0, 1], 10), 0.01)
-        options = {"influences": earlier, "options": of.CalibrationOptions(loss="student")}
+        options = {"influences": earlier, "options": of.CalibrationOptions()}
     elif case == "rehomed":
         h4 = of.rehomed(tp.calibrate(h4, truth.read(some(h4, 30, 7), seed=7)).robot, 0.02)
     fit = tp.calibrate(h4, q_e, **options)

@@ -46,7 +46,7 @@ def robots(robots_drawn):
 
 @pytest.mark.parametrize(
     ("loss", "gross"),
-    [("squares", 0), ("huber", 0), ("student", 0), ("huber", 0.01), ("student", 0.01)],
+    [("squares", 0), ("student", 0), ("student", 0.01)],
 )
 @pytest.mark.parametrize("poses", [10, 20, 40, 100])
 def test_hexapods_measured_from_outside_know_how_well_they_are_known(

@@ -11,11 +11,11 @@ from truepose.calibration.registration import Registration, registration_of
 from truepose.exceptions import InputError, choose
 
 ModelError = Literal["on", "off"]
-Loss = Literal["squares", "huber", "student"]
+Loss = Literal["squares", "student"]
 CauseChoice = Literal["refuse", "apply", "ignore"]
 
-#: Default tuning of each loss: Huber's threshold and Student's degrees of freedom.
-TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
+#: Student's degrees of freedom, by default.
+TUNING = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +30,10 @@ class CalibrationOptions:
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod; by default full where the robot has it
         (:attr:`Robot.highest_level`). The calibrated robot keeps it.
-    loss : {"squares", "huber", "student"}
-        Cost of gross errors: quadratic, linear, or almost none. Squares are 1 % more accurate on
-        readings without gross errors (30 H4s).
+    loss : {"student", "squares"}
+        Influence of a gross error: almost none, or all.
     tuning : float, optional
-        Huber's threshold (1 by default) or Student's degrees of freedom (4).
+        Student's degrees of freedom, 4 by default.
     model_error : {"on", "off"}
         Whether to allow, at the ideal level, for the errors that it omits: axis errors that tilt
         the platform and turn its bars, by the file's tolerances. The calibrated robot's estimates
@@ -69,13 +68,13 @@ class CalibrationOptions:
     >>> from truepose.robot.workspace import workspace_grid
     >>> robot = tp.load("h4")
     >>> readings = robot.sample(seed=1).read(workspace_grid(robot))
-    >>> options = tp.calibration.CalibrationOptions(loss="student", level="ideal")
+    >>> options = tp.calibration.CalibrationOptions(loss="squares", level="ideal")
     >>> tp.calibrate(robot, readings, options=options).level
     'ideal'
     """
 
     level: Level | None = None
-    loss: Loss = "squares"
+    loss: Loss = "student"
     tuning: float | None = None
     model_error: ModelError = "on"
     cause: CauseChoice = "refuse"
@@ -90,11 +89,11 @@ class CalibrationOptions:
         for name, words in (("loss", Loss), ("model_error", ModelError), ("cause", CauseChoice)):
             if getattr(self, name) not in get_args(words):
                 raise InputError(choose(name, getattr(self, name), get_args(words)))
-        if not (math.isfinite(self.tuned) and (self.tuned > 0 or self.loss == "squares")):
+        if not (math.isfinite(self.tuned) and self.tuned > 0):
             raise InputError(f"tuning = {self.tuning}: must be a number greater than 0")
         registration_of(self.registration)
 
     @property
     def tuned(self) -> float:
-        """Tuning of the loss, by default its own."""
-        return TUNING[self.loss] if self.tuning is None else self.tuning
+        """Tuning of the loss, by default TUNING."""
+        return TUNING if self.tuning is None else self.tuning

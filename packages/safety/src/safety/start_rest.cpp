@@ -18,7 +18,9 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   Real *H_xi = weighing.work, *B = H_xi + e * parameter_count(robot);
   Extended beyond, noise{};
   Parity parity;
-  Outcome outcome = geometry_at(robot, pose, H_xi, beyond);
+  Parasitic rest;
+  Outcome outcome = parity.look(robot, pose, {});
+  if (outcome) outcome = geometry_at(robot, parity, pose, H_xi, beyond, rest);
   if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
   if (!outcome) return INFINITY;
   parity.open(robot, known, H_xi, B);
