@@ -14,12 +14,14 @@ off by the limit of `tp.faults.detectability` (median over the path), under `mon
 on.
 """
 
+import csv
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +43,6 @@ SETS = {
     "stewart z, U-joints": ("stewart", ["z_telemeter", *(f"u_joint{k}" for k in range(1, 7))]),
 }
 POSES = 100  #: of a calibration
-MOST = 0.1  #: detectability, rad or m, beyond which the others do not monitor a reading
 SETTLING, PIECE = 33, 200  #: start-up cycles of the fault monitor; cycles of a path per restart
 CHANCES = (1e-3, 1e-4, 1e-5)  #: false alarms per cycle
 TIMES, AT = 1.5, 0.25  #: size of a fault over its detectability; its start, s, moves take 0.3 s
@@ -72,6 +73,14 @@ def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[t
     if effects is not None:
         robot, there = effects.allowed_for(robot), effects.geometry(truth, 0, seed)
     return tp.calibrate(robot, there.read(poses(robot, POSES, seed), seed=seed)).robot, truth
+
+
+@cache
+def sizes() -> dict[tuple[str, str], float]:
+    """Return the detectability of each set's readings in version 0.5, rad or m."""
+    with (Path(__file__).parent / "fault_sizes.csv").open(encoding="utf-8") as file:
+        rows = csv.DictReader(file)
+        return {(one["sensors"], one["reading"]): float(one["detected"]) for one in rows}
 
 
 def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
@@ -108,12 +117,16 @@ def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[Fau
 def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     """Return the results on every fault of a robot, with the monitor and, if `shells`, without."""
     which, seed = task
-    robot, truth = sampled(which, seed)
-    controller, shell = tp.Controller(law=law), shell_of() if shells else None
+    effects = tp.Effects()
+    robot, truth = sampled(which, seed, effects)
+    controller = tp.Controller.for_robot(robot, effects, law)
+    shell = shell_of(effects=effects) if shells else None
+    watching = monitoring(effects=effects) if shells else tp.FaultMonitor(effects=effects)
     path = way(robot, 3 if shells else 4, seed, 0.3)
     run = partial(
-        tp.simulate, robot, truth, controller, path=path, run=Run(seed=seed, safety=shell)
-    )
+        tp.simulate, robot, truth, controller, path=path, effects=effects,
+        run=Run(seed=seed, safety=shell),
+    )  # fmt: skip
     try:
         healthy = run()
     except (tp.PoseError, tp.InputError):
@@ -124,11 +137,9 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     turning = angles(robot)
     results = []
     for c, reading in enumerate(robot.readings):
-        limit = float(np.median(detectable.detected[:, c]))
-        if not limit < MOST:  # a bias of it is undetectable
-            continue
+        limit = sizes()[which, reading]
         for (kind, fault), monitor in product(
-            faults_of(robot, reading, limit).items(), (monitoring(), None)[: 1 + shells]
+            faults_of(robot, reading, limit).items(), (watching, None)[: 1 + shells]
         ):
             ran = run(faults=fault, monitor=monitor)
             alone = _core.FaultyReadings(in_core(robot, fault, controller.period), 1e-3)

@@ -573,8 +573,6 @@ typedef struct truepose_fault_monitor_settings {
   truepose_real rests[TRUEPOSE_MOTORS];  /**< error at which a healthy motor may rest */
   truepose_real shaken[TRUEPOSE_MOTORS]; /**< virtual readings' noise sigma per cycle (0: any) */
   truepose_real low[TRUEPOSE_READINGS], high[TRUEPOSE_READINGS]; /**< range (equal: any) */
-  truepose_real growth[3]; /**< most in a warm-up, of base, arms and rods: shares of their sizes */
-  truepose_real memory;    /**< s over which it is averaged */
 } truepose_fault_monitor_settings;
 
 typedef enum truepose_health {
@@ -589,8 +587,7 @@ typedef enum truepose_symptom {
   TRUEPOSE_OUT_OF_RANGE = 2,
   TRUEPOSE_TOO_FAST = 3,
   TRUEPOSE_STUCK = 4,
-  TRUEPOSE_DISAGREES = 5,
-  TRUEPOSE_NOISY = 6 /**< valid, but noisy, coarse or held: smoothed, with a larger sigma */
+  TRUEPOSE_DISAGREES = 5
 } truepose_symptom;
 
 /** Report of a monitor. Sets of readings or motors are bits, the first one's 1. */
@@ -647,9 +644,6 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_
  * first. Without it a motor that a law turns back against its setpoint may seem stuck. */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
                                                          const truepose_real led[TRUEPOSE_MOTORS]);
-
-/** 1: warm. Only the growth of base, arms and rods explains the readings, within the settings'. */
-TRUEPOSE_API int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor);
 
 /** Time along a path. Start with {0, 1, 0, 0}. */
 typedef struct truepose_path_clock {

@@ -36,8 +36,6 @@ Outcome sound(const FaultMonitorSettings& s) {
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
-  for (const Real growth : s.growth)
-    good = good && growth >= 0 && growth < 1 && (growth == 0 || s.memory > 0);
   return {good ? Status::ok : Status::no_such_value};
 }
 
@@ -273,11 +271,6 @@ truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
     setup.state.monitor.led = in<Joint>(led);
     return {};
   });
-}
-
-int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
-  const FaultTolerantSetup* setup = held(monitor);
-  return setup && setup->state.monitor.warm_up.warm;
 }
 
 void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {

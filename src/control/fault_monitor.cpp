@@ -30,15 +30,6 @@ class Cycle : MonitoredCycle {
       for (int c = 0; c < rows_; ++c)
         if (without_ & bit(c)) exclude(c);
       if (r_ > 0 && settled_) test_parity();
-      for (int c = n; c < rows_; ++c) {
-        if (late(c) || without_ & bit(c)) continue;
-        const Real off = smooth(c, -parity_.value[c - n]);
-        if (monitor_.reading[c].noise.noisy()) believed_[c] = model(c) - off;
-      }
-      // A motor's first large difference may begin a noise: the law gets none of it.
-      for (int c = 0; c < n && !monitor_.doubted; ++c)
-        if (!(without_ & bit(c)) && monitor_.reading[c].noise.large > 0 && number(desired_[c]))
-          believed_[c] = desired_[c] - monitor_.reading[c].noise.off.value;
       if (without_) substitute();
       monitor_.last = monitor_.motion;
       monitor_.motion = monitor_.placed ? difference(robot_.mobility, parity_.pose, monitor_.pose)
@@ -88,23 +79,11 @@ class Cycle : MonitoredCycle {
       innovation_[c] = within_turn(robot_, c, news);
       // Whole turns that an encoder has lost or passed since the start are no motion.
       believed_[c] = innovation_[c] == news ? q_e_[c] : predicted + innovation_[c];
-      if (wild(c)) wild_ |= bit(c);
-      if (!late(c) && number(believed_[c])) {
-        const bool noisy = reading.noise.noisy();
-        reading.noise.sample(wild_ & bit(c) ? predicted : believed_[c], weighing_.known->sigma[c],
-                             settings_.within);
-        noise_[c] = variance(c);
-        if (!noisy && reading.noise.noisy()) reading.spikes = 0;  // they were noise
-      }
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
-        if (symptom == Symptom::none) {
-          const Real off = c < n ? smooth(c, desired_[c] - believed_[c]) : 0;
-          if (c < n && reading.noise.may_be_noisy()) believed_[c] = desired_[c] - off;
-          continue;
-        }
+        if (symptom == Symptom::none) continue;
         if (symptom == Symptom::stuck) standing_ |= bit(c);
-        bridge(settings_, monitor_.cycle, symptom, every(c), wild_ & bit(c), reading);
+        bridge(settings_, monitor_.cycle, symptom, every(c), reading);
         if (!reading.begun) reading.health = Health::failed;  // nothing to extrapolate from
         symptomatic_ |= bit(c);
       }
@@ -184,7 +163,7 @@ class Cycle : MonitoredCycle {
       const bool stays = still_ & bit(c) && !late(c);
       monitor_.reading[c].stands = stays;
       bridge(settings_, monitor_.cycle, stays ? Symptom::stuck : Symptom::disagrees, every(c),
-             false, monitor_.reading[c]);
+             monitor_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
       exclude(c);
@@ -236,18 +215,6 @@ class Cycle : MonitoredCycle {
     reading.way += settings_.period * reading.speed;
   }
 
-  /// Updates grain and interval of a reading that changes after it stood still, if it has followed
-  /// its model.
-  void sampled(int c) {
-    MonitoredReading& reading = monitor_.reading[c];
-    const Real by = model(c) - reading.model + reading.way, jump = raw(c) - reading.raw;
-    const Real most = std::max(std::fabs(by), std::fabs(jump));
-    const bool noisy = reading.noise.noisy();
-    if (std::fabs(jump - by) < 0.5 * most + settings_.sigmas * std::sqrt(noise_[c]))
-      reading.noise.changed(reading.still + 1, most, 0.5 * settings_.moved[c]);
-    if (!noisy && reading.noise.noisy()) reading.spikes = 0;  // they were samples
-  }
-
   /// Updates a motor's following error and, while it moves, mean and variance of that.
   void trail(int c) {
     MonitoredReading& reading = monitor_.reading[c];
@@ -259,13 +226,14 @@ class Cycle : MonitoredCycle {
     reading.strays += (off * off - reading.strays) / kSettling;
   }
 
-  /// Following error of an extrapolated motor; as smoothed, for one that stands still or is noisy.
+  /// Following error of an extrapolated motor; of one that stands still, as its loop reduces it.
   Real behind(int c) {
     MonitoredReading& reading = monitor_.reading[c];
-    if (!reading.stands && !reading.noise.may_be_noisy()) return reading.behind;
-    reading.noise.off.value =
-        reading.noise.predict(settings_.period, settings_.kp[c], settings_.kd[c]);
-    return reading.noise.off.value;
+    if (!reading.stands) return reading.behind;
+    Tracker& led = reading.led_out;
+    led.rate = (led.rate - settings_.period * settings_.kp[c] * led.value) /
+               (1 + settings_.period * settings_.kd[c]);
+    return led.value = led.predicted(settings_.period);
   }
 
   /// Substitutes the excluded readings; failed ones have unknown errors, b̂ = Σ_b GᵀV⁻¹ p.
@@ -327,10 +295,8 @@ class Cycle : MonitoredCycle {
       const bool judged = (!monitor_.doubted || (monitor_.undecided && c < n)) &&
                           !(symptomatic_ & ~standing_) && !monitor_.lost &&
                           settings_.moved[c] > 0 && (c < n || motors);
-      // Setpoints are known from the second cycle on. What a wild jump reads is no change.
-      const bool wild = wild_ & bit(c);
-      if (!wild && (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2)) {
-        if (reading.stands || reading.noise.noisy()) sampled(c);
+      // Setpoints are known from the second cycle on.
+      if (raw(c) != reading.raw || monitor_.cycle - monitor_.began < 2) {
         reading.stands = false;
         if (c < n) reading.pushed = monitor_.pushed[c];
         reading.raw = raw(c);
@@ -340,13 +306,13 @@ class Cycle : MonitoredCycle {
         }
         reading.seems = reading.speed = reading.way = reading.told = 0;
         reading.still = 0;
-      } else if (!wild) {
+      } else {
         if (c >= n && monitor_.placed) reading.told += told(c);
         if (reading.still < kLongest) ++reading.still;  // a robot may stand still for months
-        if (c < n && !reading.stands && !reading.noise.noisy()) integrate_phantom(c);
+        if (c < n && !reading.stands) integrate_phantom(c);
         if (judged && reading.health != Health::failed && stands(c, monitor_.undecided ? 3 : 1)) {
           reading.stands = true;
-          reading.noise.off = {reading.usual + reading.off, 0};
+          reading.led_out = {reading.usual + reading.off, 0};
           if (late(c) || monitor_.undecided) {
             reading.health = Health::failed;
             reading.symptom = Symptom::stuck;
@@ -358,8 +324,6 @@ class Cycle : MonitoredCycle {
       if (!believed) news = believed_[c] - reading.own.predicted(settings_.period);
       if (believed) {
         if (reading.health == Health::suspect) reading.health = Health::valid;
-        if (reading.noise.noisy() != (reading.symptom == Symptom::noisy))
-          reading.symptom = reading.noise.noisy() ? Symptom::noisy : reading.symptom;
         reading.bridged = 0;
         if (c < n) trail(c);
         reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;

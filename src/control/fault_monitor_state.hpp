@@ -2,8 +2,7 @@
 #pragma once
 
 #include "control/law.hpp"
-#include "control/reading_noise.hpp"
-#include "control/warm_up.hpp"
+#include "control/tracker.hpp"
 #include "math/chi2.hpp"
 
 namespace truepose {
@@ -14,7 +13,7 @@ enum class Health : int {
   failed = 2,   ///< until it is repaired and acknowledge() is called
 };
 
-/// Reason why a reading is not valid, or has a larger σ.
+/// Reason why a reading is not valid.
 enum class Symptom : int {
   none = 0,
   missing = 1,       ///< no number, or larger than any sensor gives
@@ -22,7 +21,6 @@ enum class Symptom : int {
   too_fast = 3,      ///< farther from its prediction than any torque can take it
   stuck = 4,         ///< unchanged counts while the robot moves
   disagrees = 5,     ///< with the other readings
-  noisy = 6,         ///< valid, but noisy, coarse or held: smoothed, with a larger σ
 };
 
 /// Constant during a run. Fill it, then call prepare().
@@ -49,15 +47,11 @@ struct FaultMonitorSettings {
   Joint rests{};       ///< error at which a healthy motor may rest: counts, friction
   Joint shaken{};      ///< largest σ per cycle of a virtual reading's noise (0: any)
   Extended low{}, high{};  ///< range of a reading (equal: not tested)
-  /// Largest growth of base, arms and rods in a warm-up, as shares of their sizes (0: no warm-up).
-  Growths growth{};
-  Real memory = 600;  ///< s over which growths are averaged: drifts within it are faults
 
   // Not in truepose_fault_monitor_settings: from prepare().
   Real sigmas = 0;  ///< limit of a normal variable with the same probability
   std::array<Real, kMaxSensors + 1> chi2{};  ///< limits, by degrees of freedom
   TrackerGains own, together;
-  Extended wild{};  ///< jump beyond the noise that may be smoothed
 };
 
 inline constexpr Real kOwnPole = 0.3;     ///< of a reading's own tracker
@@ -68,7 +62,6 @@ inline constexpr int kFollowed = 8;       ///< cycles for a reading's own tracke
 inline constexpr int kSettling = 32;      ///< and for the parity's, to settle after the start
 inline constexpr int kStill = 3;          ///< unchanged cycles after which a reading stands still
 inline constexpr int kSpikesKept = 8;
-inline constexpr Real kWild = 3;        ///< σ of the largest noise that make a jump
 inline constexpr Real kNoNumber = 1e9;  ///< rad or m: larger readings count as missing
 
 /// Computes the limits from the false-alarm probability, shared by the level and change tests.
@@ -97,7 +90,7 @@ struct MonitoredReading {
   Real pushed = 0;      ///< motors: error that external forces caused when the reading changed last
   int bridged = 0;      ///< consecutive extrapolated cycles
   bool stands = false;  ///< unchanged while the model moves: extrapolated until it changes or fails
-  ReadingNoise noise;
+  Tracker led_out;      ///< motors that stand: their following error, as the loop reduces it
   std::int64_t left = -kSettling;  ///< delayed sensors: last cycle in which a motor left its track
   std::int64_t spikes = 0;
   std::array<std::int64_t, kSpikesKept> spike{};  ///< cycles of the latest
@@ -128,9 +121,7 @@ struct FaultMonitor {
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are valid
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
-  Extended beyond{};                            ///< what the full level and the growths add to h
-  WarmUp warm_up;
-  std::int64_t updated = 0;  ///< cycle of the last update of these
+  Extended beyond{};                            ///< what the full level adds to h
 };
 
 /// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the
@@ -139,11 +130,9 @@ void acknowledge(FaultMonitor& monitor, int reading);
 
 namespace fault_monitor_detail {
 /// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed. One
-/// that stands still may be held between slow samples, and one that jumps may become noisy: they
-/// get twice the time. Noise is no jump, unless wild; jumps within the window in which noise is
-/// recognised count once.
-/// @param every  cycles per sample @param wild  it jumps as no noise does
+/// that stands still gets twice the time.
+/// @param every  cycles per sample
 void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom, int every,
-            bool wild, MonitoredReading& reading);
+            MonitoredReading& reading);
 }  // namespace fault_monitor_detail
 }  // namespace truepose

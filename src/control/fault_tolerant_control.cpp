@@ -55,21 +55,15 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   Outcome outcome = monitored;
   if (monitored) {
     ControlSettings now = settings;
-    std::uint32_t failed = 0, noisy = 0;
-    for (int c = 0; c < n + robot.r; ++c) {
+    std::uint32_t failed = 0;
+    for (int c = 0; c < n + robot.r; ++c)
       failed |= monitor.reading[c].health == Health::failed ? bit(c) : 0;
-      noisy |= monitor.reading[c].noise.noisy() ? bit(c) : 0;
-    }
-    const bool reweigh = failed || noisy || late;
+    const bool reweigh = failed || late;
     if (reweigh) fault_state.known = *weighing.known;
-    for (int c = 0; c < n + robot.r && (failed || noisy); ++c) {
-      Real& sigma = fault_state.known.sigma[c];
-      // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
-      // from readings that hardly determine it, and drive it by that.
-      if (failed & ~monitor.lost & bit(c)) sigma *= kDisbelieved;
-      const ReadingNoise& noise = monitor.reading[c].noise;
-      if (noisy & bit(c)) sigma = std::sqrt(sigma * sigma + noise.gain * noise.variance());
-    }
+    // A lost motor counts as being at its setpoint: a law that weighs would estimate its error from
+    // readings that hardly determine it, and drive it by that.
+    for (int c = 0; c < n + robot.r && failed; ++c)
+      if (failed & ~monitor.lost & bit(c)) fault_state.known.sigma[c] *= kDisbelieved;
     if (late) {
       low_pass(robot, *late, believed, failed & (bit(n) - 1));
       weigh(robot, *late, fault_state.known);

@@ -14,12 +14,7 @@ MonitoredCycle::MonitoredCycle(const Robot& robot, const FaultMonitorSettings& s
       monitor_(monitor),
       believed_(believed),
       late_(late) {
-  for (int c = 0; c < rows_; ++c) noise_[c] = variance(c);
-}
-
-Real MonitoredCycle::variance(int c) const {
-  const Real sigma = weighing_.known->sigma[c];
-  return sigma * sigma + monitor_.reading[c].noise.variance();
+  for (int c = 0; c < rows_; ++c) noise_[c] = weighing_.known->sigma[c] * weighing_.known->sigma[c];
 }
 
 bool MonitoredCycle::motors_valid() const {
@@ -33,7 +28,6 @@ Symptom MonitoredCycle::symptom_of(int c) const {
   if (!number(raw)) return Symptom::missing;
   if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
   if (reading.stands && this->raw(c) == reading.raw) return Symptom::stuck;
-  if (wild_ & bit(c)) return Symptom::too_fast;
   if (monitor_.undecided || !followed(c)) return Symptom::none;
   const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]);
   return off_track(c) > chance * (1 + missed(c)) ? Symptom::too_fast : Symptom::none;
@@ -57,16 +51,6 @@ Real MonitoredCycle::off_track(int c) const {
   const Real way = settings_.period * settings_.period * settings_.fastest[c] *
                    (settings_.own.acceleration + lag);
   return std::fabs(innovation_[c]) - way;
-}
-
-bool MonitoredCycle::wild(int c) const {
-  if (!(std::fabs(innovation_[c]) > settings_.wild[c]) || late(c) || !followed(c)) return false;
-  const MonitoredReading& reading = monitor_.reading[c];
-  const Real by = c < n ? desired_[c] - reading.model : reading.told;
-  const Real jump = std::fabs(within_turn(robot_, c, q_e_[c] - reading.raw - by));
-  const Real chance = settings_.sigmas * weighing_.known->sigma[c];
-  const Real most = std::max(settings_.wild[c], chance * std::sqrt(settings_.own.variance));
-  return !(std::min(off_track(c), jump) <= most * (1 + missed(c)));
 }
 
 bool MonitoredCycle::covariance(Real gain, Real share, ReadingCovariance& V) const {
@@ -108,28 +92,13 @@ Real MonitoredCycle::model(int c) const {
 Real MonitoredCycle::much(int c, Real share) const {
   const MonitoredReading& reading = monitor_.reading[c];
   return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays)) +
-         kLonger * reading.noise.grain + 2 * reading.pushed;
+         2 * reading.pushed;
 }
 
 bool MonitoredCycle::stands(int c, Real share) const {
   const MonitoredReading& reading = monitor_.reading[c];
-  return reading.still > kLonger * reading.noise.interval &&
-         (stood(c, reading.way) > much(c, share) ||
-          (!monitor_.undecided && std::fabs(reading.way) > much(c, kStoodBy)));
-}
-
-Real MonitoredCycle::smooth(int c, Real deviation) {
-  ReadingNoise& noise = monitor_.reading[c].noise;
-  if (!number(deviation)) return deviation;
-  constexpr Real kAssumed = 1000;  // rad/s² or m/s², where a motor's limit is unknown
-  const Real fastest = settings_.fastest[c] > 0 ? settings_.fastest[c] : kAssumed;
-  const bool fresh = raw(c) != monitor_.reading[c].raw, motor = c < n;
-  const Real off =
-      noise.smooth(settings_.period, deviation, fresh, weighing_.known->sigma[c],
-                   kUnmodelled * fastest, motor ? settings_.kp[c] : 0, motor ? settings_.kd[c] : 0);
-  if (number(off) && number(noise.off.rate)) return off;
-  noise.off = {deviation, 0};  // gains too high for the period
-  return deviation;
+  return stood(c, reading.way) > much(c, share) ||
+         (!monitor_.undecided && std::fabs(reading.way) > much(c, kStoodBy));
 }
 
 Real MonitoredCycle::asked(int c) const {
@@ -177,31 +146,6 @@ bool MonitoredCycle::stale() {
   return true;
 }
 
-Reading MonitoredCycle::warm(const Real* H_xi, const Reading& cold) {
-  WarmUp& warm_up = monitor_.warm_up;
-  const Growths& growth = settings_.growth;
-  if (std::none_of(growth.begin(), growth.end(), [](Real most) { return most > 0; })) return {};
-  const GrowthRows M = growth_rows(robot_, parity_, H_xi, growth);
-  const Real since = settings_.period * static_cast<Real>(monitor_.cycle - monitor_.updated);
-  monitor_.updated = monitor_.cycle;
-  ReadingCovariance V;
-  const auto alarm = [&] {
-    return parity_verdict(parity_, settings_.chi2, V, cold, r_, without_, left_out_).alarm;
-  };
-  auto total = monitor_.geometry;
-  for (int k = 0; k < r_; ++k)
-    for (int l = 0; l <= k; ++l)
-      for (int m = 0; m < kGrowths; ++m) total[k][l] += M[k][m] * M[l][m];
-  std::swap(total, monitor_.geometry);
-  warm_up.warm = false;
-  if (!covariance(1, 1, V) || alarm()) return {};  // growth alone does not explain it
-  std::swap(total, monitor_.geometry);
-  if (!covariance(1, 1, V) || !all_finite(cold, r_)) return {};
-  warm_up.warm = alarm();
-  if (!monitor_.doubted && !symptomatic_) warm_up.average(M, V, cold, r_, since, settings_.memory);
-  return warm_up.explain(M, r_, monitor_.geometry);
-}
-
 void MonitoredCycle::refresh() {
   const Knowledge& known = *weighing_.known;
   Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
@@ -212,17 +156,11 @@ void MonitoredCycle::refresh() {
   for (int k = 0; k < r_; ++k)
     for (int l = 0; l <= k; ++l)
       monitor_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-  Reading more, cold{};
+  Reading more{};
   for (int k = 0; k < r_; ++k) {
     more[k] = beyond[n + k] - monitor_.beyond[n + k];
     for (int j = 0; j < n; ++j) more[k] -= parity_.g[k][j] * (beyond[j] - monitor_.beyond[j]);
-    cold[k] = parity_.value[k] - more[k];
-  }
-  const Reading grown = warm(H_xi, cold);
-  for (int k = 0; k < r_; ++k) {  // the parity's tracker must not see a change,
-    if (number(grown[k])) beyond[n + k] += grown[k];
-    more[k] += grown[k];
-    if (!number(more[k])) continue;
+    if (!number(more[k])) continue;  // the parity's tracker must not see a change,
     monitor_.parity[k].value -= more[k];
     monitor_.usual[k] -= more[k];
     monitor_.reading[n + k].model += more[k];  // nor a sensor that stands still a motion

@@ -27,7 +27,6 @@ struct MonitoredCycle {
   Extended innovation_{};          ///< of each reading's own tracker
   std::uint32_t symptomatic_ = 0;  ///< extrapolated readings,
   std::uint32_t standing_ = 0;     ///< those of them that stand still
-  std::uint32_t wild_ = 0;         ///< readings that jump as no noise does
   std::uint32_t still_ = 0;        ///< isolated by standing still
   std::uint32_t without_ = 0;      ///< excluded readings,
   std::uint32_t replaced_ = 0;     ///< those of them that the others give
@@ -37,9 +36,6 @@ struct MonitoredCycle {
   MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
                  const Joint& desired, const Extended& q_e, FaultMonitor& monitor,
                  Extended& believed, Multirate* late);
-
-  /// Variance of a reading's own error.
-  Real variance(int c) const;
 
   /// False also where later numbers would overflow.
   static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
@@ -61,10 +57,6 @@ struct MonitoredCycle {
   /// Deviation from a reading's prediction beyond what the largest acceleration explains.
   Real off_track(int c) const;
 
-  /// Whether a reading jumps farther than noise that may be smoothed: off its track, and off the
-  /// model's motion since it changed last, by which a held reading jumps.
-  bool wild(int c) const;
-
   /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
   bool covariance(Real gain, Real share, ReadingCovariance& V) const;
 
@@ -81,8 +73,6 @@ struct MonitoredCycle {
   static constexpr Real kAsked = 0.2;
   /// σ by which a motor may deviate from its usual following error.
   static constexpr Real kStrays = 8;
-  /// Interval and grain of a held reading beyond which it stands still.
-  static constexpr Real kLonger = 1.5;
 
   bool leaves_track(int c, Real innovation) const;
 
@@ -102,9 +92,6 @@ struct MonitoredCycle {
   /// Whether a reading stands still for longer than between its samples. An error that friction
   /// cannot hold must have driven a motor off its count, unless it was held at its setpoint.
   bool stands(int c, Real share) const;
-
-  /// Model minus smoothed reading. @param deviation  model minus reading
-  Real smooth(int c, Real deviation);
 
   /// Value to which a reading is led: a motor's by its drive, a sensor's by q_d, linear from the
   /// motors' pose.
@@ -129,10 +116,6 @@ struct MonitoredCycle {
 
   /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
   bool stale();
-
-  /// Follows a warm-up. @param cold  parity of the geometry without growth
-  /// @return the growths' part of it
-  Reading warm(const Real* H_xi, const Reading& cold);
 
   /// Updates the geometry's covariance and the full level's addition at the present pose.
   void refresh();

@@ -150,7 +150,6 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
                 cycle.status, cycle.gave_up};
   sample.stops = fault_state_.stops;
   sample.brakes = brakes();
-  sample.warm = fault_state_.monitor.warm_up.warm;
   if (extras_.guard) {
     const GuardReport& report = extras_.guard->report();
     sample.safety = report.state;

@@ -41,7 +41,6 @@ struct Sample {
   int safety = -1;                              ///< state of the guard; -1: without one
   StopCause cause = StopCause::none;            ///< the guard's,
   int part = -1;                                ///< and its motor or -1
-  bool warm = false;                            ///< only a warm-up explains the readings
 };
 
 /// A user-defined law: from desired pose and readings to the motor error. It may throw.

@@ -185,15 +185,6 @@ def test_a_log_is_reviewed_line_by_line(calibrated):
     assert np.abs(review.believed - run.q_e)[:, 6].max() < 2e-3
 
 
-def test_a_review_says_why_a_reading_was_first_not_valid_although_it_is_noisy_later():
-    h4 = tp.load("h4")
-    q_e = tp.simulate(h4, controller="joint").q_e.copy()
-    q_e[50:80, 4] += 0.02 * np.random.default_rng(0).normal(size=30)
-    review = tp.FaultMonitor().review(h4, q_e)
-    assert (review.symptom[review.first :, 4] == SYMPTOMS.index("noisy")).any()
-    assert list(review.table())[4]["why"] == "too fast"
-
-
 def test_a_doubted_reading_without_an_own_symptom_disagrees(calibrated):
     robot, truth = calibrated["θ"]
     q_e = tp.simulate(robot, truth, "joint").q_e.copy()
@@ -332,4 +323,3 @@ def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time
         run=Run(seed=0, time=time),
     )
     assert not run.health.any()
-    assert run.warm[-1] == (time > 0)
