@@ -51,19 +51,4 @@ struct Parity {
 
 /// H_ξ of the robot's level at a pose, and the readings' addition to the ideal level's.
 Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond);
-
-/// χ² of a parity, and the readings that alone may explain it.
-struct Verdict {
-  Real chi2 = 0;
-  int freedom = 0;
-  bool alarm = false;
-  std::uint32_t may = 0;  ///< in an alarm: those readings, as bits,
-  Extended by;            ///< and the error of each
-};
-
-/// Tests a parity. @param most  χ² beyond which there is an alarm, by degrees of freedom
-/// @param V  factored @param without  excluded readings; `left_out` of them count in V
-Verdict parity_verdict(const Parity& parity, const std::array<Real, kMaxSensors + 1>& most,
-                       const ReadingCovariance& V, const Reading& value, int r,
-                       std::uint32_t without, int left_out);
 }  // namespace truepose

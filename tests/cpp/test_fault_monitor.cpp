@@ -359,7 +359,7 @@ TEST("what the law sees changes in the cycle in which something else stands for 
         const std::uint32_t doubted = scene.seen.doubted;
         const bool several = doubted & bit(c) && doubted & (doubted - 1);
         if (c >= mechanism.robot.motors || !several || undecided ||
-            scene.seen.reading[c].bridged > 0)
+            scene.seen.reading[c].extrapolated.cycles > 0)
           continue;
         if (scene.believed[c] == q_e[c]) continue;
         CHECK(scene.seen.held & bit(c));

@@ -1,0 +1,81 @@
+// Stuck readings: unchanged counts while the model moves.
+//
+// A frozen encoder feigns an error, the motion of its drive's setpoint since the reading changed
+// last. The loop drives the motor off by ∬ kp δ + kd dδ/dt; an error at which a healthy motor may
+// rest (friction, counts) drives nothing.
+#include "control/monitored_cycle.hpp"
+
+namespace truepose::fault_monitor_detail {
+namespace {
+constexpr int kLongest = 1000;  ///< cycles, counted at most
+/// Share of `moved` by which the setpoint must have left a reading that stands still.
+constexpr Real kLed = 0.2;
+/// σ by which a motor may deviate from its usual following error: one that oscillates about its
+/// path, for example by a law with a delayed sensor, stands still at its turning points.
+constexpr Real kDeviates = 8;
+}  // namespace
+
+Real MonitoredCycle::tolerated_motion(int c, Real share) const {
+  const MonitoredReading& reading = monitor.reading[c];
+  return std::max(share * settings.moved[c], kDeviates * std::sqrt(reading.following.variance)) +
+         2 * reading.standstill.forced_error;
+}
+
+Real MonitoredCycle::setpoint(int c) const {
+  if (c < n) return desired[c] + monitor.led[c];
+  Real value = parity.expected[c];
+  for (int j = 0; j < n; ++j) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
+  return number(value) ? value : monitor.reading[c].standstill.setpoint;
+}
+
+Real MonitoredCycle::model_motion(int c, Real way) const {
+  const MonitoredReading& reading = monitor.reading[c];
+  const Standstill& still = reading.standstill;
+  const Real by = model(c) - still.model + way, side = std::copysign(Real(1), by);
+  // A law that holds a platform moves its motors where one of them drifts, and a sensor stands at
+  // its setpoint; where a sensor is wrong, a motor that the law leads against its setpoint turns
+  // back. Only what the setpoint has left counts; off q_d both of its measures are approximate.
+  Real led = side * (setpoint(c) - still.setpoint + way);
+  if (c >= n) led = std::min(led, side * still.setpoint_motion);
+  if (!(led > kLed * settings.moved[c])) return 0;
+  // Motion of a motor towards its setpoint does not count.
+  return std::min(std::fabs(by), std::fabs(by + reading.following.deviation)) -
+         settings.sigmas * parity.expectation_noise(noise, c);
+}
+
+void MonitoredCycle::update_standstill(int c, bool judged) {
+  MonitoredReading& reading = monitor.reading[c];
+  Standstill& still = reading.standstill;
+  // Setpoints are known from the second cycle on.
+  if (raw(c) != still.reading || monitor.cycle - monitor.began < 2) {
+    const bool known = c < n || monitor.placed;
+    still = {raw(c), known ? model(c) : still.model, known ? setpoint(c) : still.setpoint};
+    still.forced_error = c < n ? monitor.pushed[c] : 0;
+    return;
+  }
+  still.cycles = std::min(still.cycles + 1, kLongest);  // a robot may stand still for months
+  for (int j = 0; c >= n && monitor.placed && j < n; ++j) {
+    const Real by = parity.g[c - n][j] * (desired[j] - monitor.desired[j]);
+    still.setpoint_motion += number(by) ? by : 0;
+  }
+  if (c < n && !still.stuck) {
+    const Real rests = settings.rests[c] + 2 * still.forced_error, T = settings.period;
+    const Real away = setpoint(c) - still.setpoint, error = away - std::clamp(away, -rests, rests);
+    const Real most = settings.fastest[c] > 0 ? T * settings.fastest[c] : kNoNumber;
+    const Real gained = T * settings.kp[c] * error + settings.kd[c] * (error - still.phantom_error);
+    still.driven_speed = error == 0 ? 0 : still.driven_speed + std::clamp(gained, -most, most);
+    still.phantom_error = error;
+    still.driven_way += T * still.driven_speed;
+  }
+  if (!judged) return;
+  const Real share = monitor.undecided ? 3 : 1;
+  if (!(model_motion(c, still.driven_way) > tolerated_motion(c, share)) &&
+      (monitor.undecided || !(std::fabs(still.driven_way) > tolerated_motion(c, kStoodBy))))
+    return;
+  still.stuck = true;
+  reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
+  if (!delayed(c) && !monitor.undecided) return;
+  reading.health = Health::failed;
+  reading.symptom = Symptom::stuck;
+}
+}  // namespace truepose::fault_monitor_detail
