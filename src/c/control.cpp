@@ -50,6 +50,7 @@ void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   report->doubted = monitor.doubted;
   report->lost = monitor.lost;
   report->brakes = setup.state.brakes;
+  report->stop_cause = static_cast<std::int32_t>(setup.state.cause);
   report->stops = setup.state.stops || monitor.undecided || monitor.lost != 0;
   const FaultMonitorSettings& settings = setup.settings.monitor;
   if (report->stops) report->stop = monitor.lost ? settings.stop_lost : settings.stop;
@@ -260,6 +261,22 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* moni
   return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
     if (!below(reading, kMaxReadings)) return {Status::no_such_part, reading};
     acknowledge(setup.state, reading);
+    return {};
+  });
+}
+
+truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
+                                              const truepose_safety_limits* limits) {
+  return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
+    const Outcome outcome = take(*limits, setup.settings.limits);
+    setup.settings.limited = bool(outcome);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_fault_monitor_frame(truepose_fault_monitor* monitor, uint64_t counter) {
+  return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
+    setup.state.frame = {true, counter};
     return {};
   });
 }

@@ -141,7 +141,7 @@ void bind_control(nb::module_& m) {
   nb::class_<Guard>(m, "Guard");
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&, Optional<Supervisor>,
-                    const Delays&>(),
+                    const Delays&, Optional<const SafetyLimits>>(),
            nb::keep_alive<1, 5>())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
   m.def("review", &review);

@@ -39,7 +39,7 @@ struct Sample {
   Coordinates force{};                          ///< and the external force
   bool refused = false;                         ///< too heavy to be fed forward
   int safety = -1;                              ///< state of the guard; -1: without one
-  StopCause cause = StopCause::none;            ///< the guard's,
+  StopCause cause = StopCause::none;            ///< the guard's, or the violated limit's,
   int part = -1;                                ///< and its motor or -1
 };
 

@@ -14,6 +14,7 @@ from truepose.arguments import Array, positive, require_or_none, whole
 from truepose.control import delays
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
+from truepose.control.limits import LONGEST_PERIOD, Limits
 from truepose.exceptions import InputError
 from truepose.robot import Robot, as_rows, knowledge, members, samples_or_home
 from truepose.robotfile.schema import Conditions
@@ -126,8 +127,10 @@ class FaultMonitor:
         made_by = "truepose_safety.MomentumObserver(…), or None"
         require_or_none(self.forces, Supervising, "forces", made_by)
 
-    def setup(self, robot: Robot, controller: Controller) -> _core.FaultTolerantSetup:
-        """Return the core's setup."""
+    def setup(
+        self, robot: Robot, controller: Controller, limited: bool = False
+    ) -> _core.FaultTolerantSetup:
+        """Return the core's setup; `limited`: no safety shell checks limits of the cycle."""
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:
             raise InputError(
@@ -149,7 +152,10 @@ class FaultMonitor:
         forces = None if self.forces is None else self.forces.supervisor(robot, start)
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.in_control(yields), delays.settings(robot, controller.period)
-        return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow)
+        limits = None
+        if limited and _limits(robot).all() and controller.period <= LONGEST_PERIOD:
+            limits = Limits(effects=self.effects).limits(robot, controller).core
+        return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow, limits)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
