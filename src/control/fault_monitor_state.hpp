@@ -84,6 +84,9 @@ struct Standstill {
   Real driven_way = 0;       ///< and the way
   int cycles = 0;            ///< since then, up to 1000
   bool stuck = false;        ///< too far from its model: extrapolated until it changes or fails
+
+  /// Whether it may be a frozen encoder that drives its motor away.
+  bool feigns() const { return cycles >= kStill && phantom_error != 0; }
 };
 
 /// Following error of a motor, desired minus actual, rad or m.

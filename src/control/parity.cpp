@@ -88,6 +88,11 @@ Real Parity::expectation_noise(const Extended& noise, int reading) const {
   return std::sqrt(sum);
 }
 
+Real chi_squared(const ReadingCovariance& V, int r, Reading parity) {
+  V.whiten(r, parity.data(), 1);
+  return sum_of(r, [&](int k) { return parity[k] * parity[k]; });
+}
+
 Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond) {
   beyond.fill(0);
   Extended q_e, ideal;

@@ -49,6 +49,9 @@ struct Parity {
   Real expectation_noise(const Extended& noise, int reading) const;
 };
 
+/// χ² of a parity. @param V  factored
+Real chi_squared(const ReadingCovariance& V, int r, Reading parity);
+
 /// H_ξ of the robot's level at a pose, and the readings' addition to the ideal level's.
 Outcome geometry_at(const Robot& robot, const Pose& pose, Real* H_xi, Extended& beyond);
 }  // namespace truepose

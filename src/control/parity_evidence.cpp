@@ -31,9 +31,7 @@ Real MonitoredCycle::bending() const {
 }
 
 bool MonitoredCycle::alarm(const ReadingCovariance& V, const Reading& value) {
-  Reading y = value;
-  V.whiten(r, y.data(), 1);
-  monitor.chi2 = sum_of(r, [&](int k) { return y[k] * y[k]; });
+  monitor.chi2 = chi_squared(V, r, value);
   monitor.freedom = std::max(0, r - left_out);
   return monitor.freedom > 0 &&
          !(monitor.chi2 <= settings.chi2[static_cast<std::size_t>(monitor.freedom)]);
@@ -122,7 +120,7 @@ void MonitoredCycle::test_parity() {
     for (int c = 0; c < n && !monitor.undecided; ++c)
       if (monitor.doubted & bit(c) & ~without && monitor.reading[c].standstill.cycles >= kStill) {
         held |= bit(c);
-        driven = driven || monitor.reading[c].standstill.phantom_error != 0;
+        driven = driven || monitor.reading[c].standstill.feigns();
         if (std::isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
       }
     for (int k = 0; k < r; ++k)

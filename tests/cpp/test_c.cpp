@@ -597,6 +597,16 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(monitored([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(monitored([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(monitored([](auto&) {}) == TRUEPOSE_OK);
+  auto& setup = *c::FaultTolerantSetup::of(&fault_state);
+  CHECK(!setup.settings.limited);
+  truepose_safety_limits limits{};
+  CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_OTHER_VERSION);
+  limits.size = sizeof limits;
+  limits.period = 2e-3;
+  CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_OK);
+  CHECK(setup.settings.limited && setup.settings.limits.period == 2e-3);
+  CHECK(truepose_fault_monitor_frame(&fault_state, 7).status == TRUEPOSE_OK);
+  CHECK(setup.state.frame.given && setup.state.frame.value == 7);
   truepose_real led[TRUEPOSE_MOTORS] = {0.1};
   CHECK(truepose_fault_monitor_led(&fault_state, led).status == TRUEPOSE_OK);
   led[5] = NAN;

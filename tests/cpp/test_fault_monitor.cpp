@@ -420,4 +420,3 @@ TEST("a sensor at which a law holds the platform is not stuck, whatever the moto
   });
   CHECK(stuck > 0);
 }
-
