@@ -1,6 +1,7 @@
 // Settings and state of the fault monitor.
 #pragma once
 
+#include "control/driven_way.hpp"
 #include "control/law.hpp"
 #include "control/tracker.hpp"
 #include "math/chi2.hpp"
@@ -40,13 +41,13 @@ struct FaultMonitorSettings {
   /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
   /// brake stops that motor wherever the path is by then; the error is the others' way left.
   Real stop_lost = 0.04;
-  Real held = 0.005;   ///< longest time for which the last valid torque is held, s
-  Extended fastest{};  ///< largest second derivative of a healthy reading (0: not tested)
-  Extended moved{};    ///< model motion beside unchanged counts that is too large (0: not tested)
-  Joint kp{}, kd{};    ///< 1/s² and 1/s: loops that drive a motor with a frozen encoder
-  Joint rests{};       ///< error at which a healthy motor may rest: counts, friction
-  Joint shaken{};      ///< largest σ per cycle of a virtual reading's noise (0: any)
-  Extended low{}, high{};  ///< range of a reading (equal: not tested)
+  Real held = 0.005;       ///< longest time for which the last valid torque is held, s
+  Extended fastest{};      ///< largest second derivative, per s² (0: not tested)
+  Extended moved{};        ///< model motion that shows a stuck reading, rad or m (0: not tested)
+  Joint kp{}, kd{};        ///< 1/s² and 1/s: loops that drive a motor with a frozen encoder
+  Joint rests{};           ///< error at which a healthy motor may rest (counts, friction), rad or m
+  Joint shaken{};          ///< largest σ of a virtual reading's noise per cycle, rad or m (0: any)
+  Extended low{}, high{};  ///< range of a reading, rad or m (equal: not tested)
 
   // Not in truepose_fault_monitor_settings: from prepare().
   Real sigmas = 0;    ///< limit of a normal variable with the same probability
@@ -75,18 +76,15 @@ void prepare(FaultMonitorSettings& settings);
 /// A reading that stays the same, while its model and its motor may move on. rad or m, and s.
 struct Standstill {
   Real reading = 0;          ///< the value that stays
-  Real model = 0;            ///< the model's value when the reading changed last,
-  Real setpoint = 0;         ///< and the value to which it was led
+  Real model = 0;            ///< the model's value when the reading changed last
   Real setpoint_motion = 0;  ///< sensors: the setpoint's motion since then, by the model
   Real forced_error = 0;     ///< motors: error that external forces caused then
-  Real phantom_error = 0;    ///< motors: error that a frozen encoder would feign, beyond `rests`,
-  Real driven_speed = 0;     ///< the speed to which the loop would drive the motor by it,
-  Real driven_way = 0;       ///< and the way
+  DrivenWay driven;          ///< from the setpoint then; motors: by a frozen encoder
   int cycles = 0;            ///< since then, up to 1000
   bool stuck = false;        ///< too far from its model: extrapolated until it changes or fails
 
   /// Whether it may be a frozen encoder that drives its motor away.
-  bool feigns() const { return cycles >= kStill && phantom_error != 0; }
+  bool feigns() const { return cycles >= kStill && driven.error != 0; }
 };
 
 /// Following error of a motor, desired minus actual, rad or m.

@@ -80,7 +80,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
   const Real best = *std::max_element(odds.begin(), odds.begin() + rows);
   std::uint32_t alike = 0;
   for (int c = 0; c < rows; ++c)
-    if (odds[c] > best - settings.decisive || odds[c] == INFINITY) alike |= bit(c);
+    if (odds[c] > -INFINITY && odds[c] >= best - settings.decisive) alike |= bit(c);
   return alike;
 }
 
@@ -97,9 +97,8 @@ void MonitoredCycle::test_parity() {
                        covariance(settings.together.variance, bend * bend, V) && alarm(V, change);
   const bool level = monitor.known && covariance(1, 1, V) && alarm(V, parity.value);
   if (!changed && !level) {
-    all.undecided = std::max(0, all.undecided - 1);
     if (!monitor.undecided) monitor.doubted = 0;
-    if (all.undecided == 0) all = {};
+    if (all.cycles > 0 && --all.undecided <= 0) all = {};
     return;
   }
   if (!monitor.undecided) {  // a stopping robot behaves differently

@@ -1,8 +1,6 @@
 // Stuck readings: unchanged counts while the model moves.
 //
-// A frozen encoder feigns an error, the motion of its drive's setpoint since the reading changed
-// last. The loop drives the motor off by ∬ kp δ + kd dδ/dt; an error at which a healthy motor may
-// rest (friction, counts) drives nothing.
+// A frozen encoder drives its motor away (driven_way.hpp).
 #include "control/monitored_cycle.hpp"
 
 namespace truepose::fault_monitor_detail {
@@ -25,7 +23,7 @@ Real MonitoredCycle::setpoint(int c) const {
   if (c < n) return desired[c] + monitor.led[c];
   Real value = parity.expected[c];
   for (int j = 0; j < n; ++j) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
-  return number(value) ? value : monitor.reading[c].standstill.setpoint;
+  return number(value) ? value : monitor.reading[c].standstill.driven.from;
 }
 
 Real MonitoredCycle::model_motion(int c, Real way) const {
@@ -35,7 +33,7 @@ Real MonitoredCycle::model_motion(int c, Real way) const {
   // A law that holds a platform moves its motors where one of them drifts, and a sensor stands at
   // its setpoint; where a sensor is wrong, a motor that the law leads against its setpoint turns
   // back. Only what the setpoint has left counts; off q_d both of its measures are approximate.
-  Real led = side * (setpoint(c) - still.setpoint + way);
+  Real led = side * (setpoint(c) - still.driven.from + way);
   if (c >= n) led = std::min(led, side * still.setpoint_motion);
   if (!(led > kLed * settings.moved[c])) return 0;
   // Motion of a motor towards its setpoint does not count.
@@ -49,7 +47,9 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
   // Setpoints are known from the second cycle on.
   if (raw(c) != still.reading || monitor.cycle - monitor.began < 2) {
     const bool known = c < n || monitor.placed;
-    still = {raw(c), known ? model(c) : still.model, known ? setpoint(c) : still.setpoint};
+    const Real from = known ? setpoint(c) : still.driven.from;
+    still = {raw(c), known ? model(c) : still.model};
+    still.driven.from = from;
     still.forced_error = c < n ? monitor.pushed[c] : 0;
     return;
   }
@@ -58,19 +58,13 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
     const Real by = parity.g[c - n][j] * (desired[j] - monitor.desired[j]);
     still.setpoint_motion += number(by) ? by : 0;
   }
-  if (c < n && !still.stuck) {
-    const Real rests = settings.rests[c] + 2 * still.forced_error, T = settings.period;
-    const Real away = setpoint(c) - still.setpoint, error = away - std::clamp(away, -rests, rests);
-    const Real most = settings.fastest[c] > 0 ? T * settings.fastest[c] : kNoNumber;
-    const Real gained = T * settings.kp[c] * error + settings.kd[c] * (error - still.phantom_error);
-    still.driven_speed = error == 0 ? 0 : still.driven_speed + std::clamp(gained, -most, most);
-    still.phantom_error = error;
-    still.driven_way += T * still.driven_speed;
-  }
+  if (c < n && !still.stuck)
+    still.driven.advance(settings.period, settings.kp[c], settings.kd[c], setpoint(c), 0,
+                         settings.rests[c] + 2 * still.forced_error);
   if (!judged) return;
   const Real share = monitor.undecided ? 3 : 1;
-  if (!(model_motion(c, still.driven_way) > tolerated_motion(c, share)) &&
-      (monitor.undecided || !(std::fabs(still.driven_way) > tolerated_motion(c, kStoodBy))))
+  if (!(model_motion(c, still.driven.way) > tolerated_motion(c, share)) &&
+      (monitor.undecided || !(std::fabs(still.driven.way) > tolerated_motion(c, kStoodBy))))
     return;
   still.stuck = true;
   reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};

@@ -101,7 +101,7 @@ void MonitoredCycle::refresh() {
     monitor.parity[k].value -= more;
     monitor.usual[k] -= more;
     monitor.reading[n + k].standstill.model += more;  // nor a sensor that stands still a motion
-    monitor.reading[n + k].standstill.setpoint += more;
+    monitor.reading[n + k].standstill.driven.from += more;
   }
   monitor.beyond = beyond;
 }

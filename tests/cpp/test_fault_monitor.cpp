@@ -268,6 +268,21 @@ TEST_EACH(
   CHECK(cycle(slow, 0.3, 500, 5e-6).status == Status::disagree);  // a hundredth of the geometry's
 }
 
+TEST_EACH(for_each, "a step of one reading names no other, and leaves it among the suspects") {
+  for (int c = 0; c < readings(robot); ++c)
+    for (const double step : {2e-4, 5e-4, 2e-3}) {
+      Scene scene(mechanism);
+      CHECK(scene.healthy(100));
+      for (int k = 100; k < 160; ++k) {
+        static_cast<void>(scene.cycle(k, c, step));
+        for (int d = 0; d < readings(robot); ++d)
+          CHECK(d == c || scene.seen.reading[d].health != Health::failed);
+        const bool failed = scene.seen.reading[c].health == Health::failed;
+        CHECK(failed || !scene.seen.doubted || scene.seen.doubted & bit(c));
+      }
+    }
+}
+
 TEST_EACH(for_each,
           "a motor that is lost is taken to be where it is asked to be until it is restored") {
   Scene scene(mechanism);
