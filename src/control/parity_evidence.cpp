@@ -8,7 +8,8 @@
 // unknown constant error b from the first cycle on. Of the mean parity p of these cycles, b
 // explains (gᵀV⁻¹p)²/(gᵀV⁻¹g) of χ² (generalised likelihood ratio). If the reading jumped, so did
 // its track: the innovation there is one more row of b. A reading that stands still while its model
-// moves has evidence of its own. Half of what a hypothesis explains is its log odds against none.
+// moves has evidence of its own. Half of the part that a hypothesis explains is its log odds
+// against none.
 #include "control/monitored_cycle.hpp"
 
 namespace truepose::fault_monitor_detail {
