@@ -61,7 +61,7 @@ Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mea
     if (jumped && !motor_left && own < INFINITY)
       odds[c] = std::max(odds[c], 0.5 * (score + jump) * (score + jump) / (information + own));
     // While another motor's fault moves the robot, a healthy one may stand off its setpoint.
-    const bool stands = raw(c) == monitor.reading[c].standstill.reading;
+    const bool stands = settings.moved[c] > 0 && raw(c) == monitor.reading[c].standstill.reading;
     const Real motion = stands ? model_motion(c, 0) / tolerated_motion(c, kStoodBy) : 0;
     if (motion > 0) odds[c] += settings.decisive * motion * motion;
   }

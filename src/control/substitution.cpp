@@ -82,8 +82,9 @@ void MonitoredCycle::substitute() {
 
 void MonitoredCycle::refresh() {
   for (int i = 0; i < dof(robot.mobility); ++i) monitor.way += std::fabs(monitor.motion[i]);
-  if (!(monitor.way > kSamePlace * settings.correlation) && monitor.cycle % settings.refresh != 0)
-    return;
+  // Not in the first cycle, which searches the pose.
+  const bool due = (monitor.cycle + settings.refresh - 1) % settings.refresh == 0;
+  if (!due && !(monitor.way > kSamePlace * settings.correlation)) return;
   monitor.way = 0;
   const Knowledge& known = *weighing.known;
   Real *H_xi = weighing.work, *B = H_xi + rows * parameter_count(robot);
