@@ -32,8 +32,7 @@ namespace {
 /// Violations after which no motor can be trusted.
 constexpr std::uint32_t kUntrusted = bit_of(StopCause::clock_backwards) |
                                      bit_of(StopCause::dropped_frames) |
-                                     bit_of(StopCause::stale_frame) | bit_of(StopCause::overspeed) |
-                                     bit_of(StopCause::tracking_error);
+                                     bit_of(StopCause::stale_frame) | bit_of(StopCause::overspeed);
 
 /// Checks the cycle against the limits, without the readings that the monitor excludes.
 /// @param applied  torques of the last cycle
