@@ -68,6 +68,9 @@ struct MonitoredCycle {
   /// Value to which a reading is led: a motor's by its drive, a sensor's by q_d, linear from the
   /// motors' pose.
   Real setpoint(int c) const;
+  /// Whether the parity contradicts a frozen encoder of a motor that has moved on: a force or
+  /// friction holds the motor. @param moved  by the model
+  bool motor_stands(int c, Real moved) const;
   void update_standstill(int c, bool judged);
 
   // The parity of all readings, and its evidence: parity_evidence.cpp

@@ -11,6 +11,8 @@ constexpr Real kLed = 0.2;
 /// σ by which a motor may deviate from its usual following error: one that oscillates about its
 /// path, for example by a law with a delayed sensor, stands still at its turning points.
 constexpr Real kDeviates = 8;
+/// Log odds of a motor that stands against a frozen encoder from which on it is held: 1 in 150.
+constexpr Real kHeld = 5;
 }  // namespace
 
 Real MonitoredCycle::tolerated_motion(int c, Real share) const {
@@ -41,6 +43,17 @@ Real MonitoredCycle::model_motion(int c, Real way) const {
          settings.sigmas * parity.expectation_noise(noise, c);
 }
 
+bool MonitoredCycle::motor_stands(int c, Real moved) const {
+  ReadingCovariance V;
+  if (c >= n || r == 0 || !monitor.known || !monitor.placed || !covariance(1, 1, V)) return false;
+  Reading g = parity.signature(r, c), y = parity.value;
+  V.whiten(r, g.data(), 1);
+  V.whiten(r, y.data(), 1);
+  // Log odds of the error -moved against none.
+  return sum_of(r, [&](int k) { return -moved * g[k] * (y[k] + Real{0.5} * moved * g[k]); }) <
+         -kHeld;
+}
+
 void MonitoredCycle::update_standstill(int c, bool judged) {
   MonitoredReading& reading = monitor.reading[c];
   Standstill& still = reading.standstill;
@@ -66,6 +79,7 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
   if (!(model_motion(c, still.driven.way) > tolerated_motion(c, share)) &&
       (monitor.undecided || !(std::fabs(still.driven.way) > tolerated_motion(c, kStoodBy))))
     return;
+  if (motor_stands(c, model(c) - still.model + still.driven.way)) return;
   still.stuck = true;
   reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
   if (!delayed(c) && !monitor.undecided) return;
