@@ -599,7 +599,7 @@ typedef struct truepose_fault_report {
   uint32_t brakes;    /**< motors whose brakes must hold; until acknowledged */
   int32_t stops;      /**< 1: the caller must stop along the path and stay, */
   truepose_real stop; /**< in this time, s, for truepose_advance(); 0: continue */
-  int32_t stop_cause; /**< 5: stale frame, 14: overspeed, 15: following error, …; 0: no limit */
+  int32_t stop_cause; /**< 3, 4, 5: clock backwards, dropped, stale frame; 14: overspeed; 0: no */
   int32_t unused;
 } truepose_fault_report;
 
@@ -696,9 +696,9 @@ typedef struct truepose_safety_limits {
 TRUEPOSE_API truepose_outcome truepose_safety_defaults(const truepose_model* model,
                                                        const truepose_control_settings* settings,
                                                        truepose_safety_limits* limits);
-/** Limits for truepose_control_fault_tolerant() without a safety shell, of frames, speeds,
- * following errors and stuck motors: after a violation no motor can be trusted, and all brakes are
- * requested. They stay until truepose_fault_monitor_init(). */
+/** Limits for truepose_control_fault_tolerant() without a safety shell, of frames, speeds and
+ * stuck motors: after a violation no motor can be trusted, and all brakes are requested. They stay
+ * until truepose_fault_monitor_init(). */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
                                                            const truepose_safety_limits* limits);
 /** Before each cycle: the counter of the readings' frame. Without one, frozen readings are found by

@@ -27,7 +27,7 @@ struct FaultTolerantSettings {
   FaultMonitorSettings monitor;
   const Robot* finest = nullptr;     ///< model for the fault monitor; nullptr: the law's
   Supervisor* supervisor = nullptr;  ///< a package's; nullptr: none
-  bool limited = false;   ///< whether frames, speeds and following errors are checked against
+  bool limited = false;   ///< whether frames, speeds and stuck motors are checked against
   SafetyLimits limits{};  ///< these limits, as no other reading shows what all have in common
 };
 
