@@ -2,24 +2,28 @@
 
 faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
 faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
-faults.py noise [--robots 3], payload [--robots 30]   # there: disturbances
+faults.py alarms [--robots 8] [--seconds 3]   # there: false alarms with all effects
+faults.py payload [--robots 30]          # there: disturbances
 faults.py campaign [--robots 5]   # packages/safety/docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
 faults.py consequences                   # docs/fault-consequences.md
 
-Needs the package truepose-safety. Robots calibrated themselves on readings at 100 poses. Errors are
-relative to the same run without a fault. Delays count from the first cycle in which the reading is
-off by the limit of `tp.faults.detectability` (median over the path), under `monitor` from the fault
-on.
+All but `monitor` and `alarms` need the package truepose-safety. Robots calibrated themselves on
+readings at 100 poses. Errors are relative to the same run without a fault. Delays count from the
+first cycle in which the reading is off by its size, under `monitor` from the fault on. Sizes:
+fault_sizes.csv, the limits of
+`tp.faults.detectability` in version 0.5 (median over paths of three robots without conditions).
 """
 
+import csv
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +45,6 @@ SETS = {
     "stewart z, U-joints": ("stewart", ["z_telemeter", *(f"u_joint{k}" for k in range(1, 7))]),
 }
 POSES = 100  #: of a calibration
-MOST = 0.1  #: detectability, rad or m, beyond which the others do not monitor a reading
 SETTLING, PIECE = 33, 200  #: start-up cycles of the fault monitor; cycles of a path per restart
 CHANCES = (1e-3, 1e-4, 1e-5)  #: false alarms per cycle
 TIMES, AT = 1.5, 0.25  #: size of a fault over its detectability; its start, s, moves take 0.3 s
@@ -74,6 +77,14 @@ def sampled(which: str, seed: int, effects: tp.Effects | None = None) -> tuple[t
     return tp.calibrate(robot, there.read(poses(robot, POSES, seed), seed=seed)).robot, truth
 
 
+@cache
+def sizes() -> dict[tuple[str, str], float]:
+    """Return the detectability of each set's readings in version 0.5, rad or m."""
+    with (Path(__file__).parent / "fault_sizes.csv").open(encoding="utf-8") as file:
+        rows = csv.DictReader(file)
+        return {(one["sensors"], one["reading"]): float(one["detected"]) for one in rows}
+
+
 def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
     """Return random poses of the workspace."""
     return workspace_samples(robot, count, np.random.default_rng([seed, 1]))
@@ -85,7 +96,7 @@ def way(robot: tp.Robot, count: int, seed: int, each: float) -> tp.simulation.Wa
 
 
 def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[Fault]]:
-    """Return faults of every kind, just above their detectability where there is one."""
+    """Return faults of every kind, above this limit where they have a size."""
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
     alike = [name for name, unit in units.items() if unit == units[reading] and name != reading]
     size = TIMES * limit
@@ -108,12 +119,16 @@ def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[Fau
 def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     """Return the results on every fault of a robot, with the monitor and, if `shells`, without."""
     which, seed = task
-    robot, truth = sampled(which, seed)
-    controller, shell = tp.Controller(law=law), shell_of() if shells else None
+    effects = tp.Effects()
+    robot, truth = sampled(which, seed, effects)
+    controller = tp.Controller.for_robot(robot, effects, law)
+    shell = shell_of(effects=effects) if shells else None
+    watching = monitoring(effects=effects) if shells else tp.FaultMonitor(effects=effects)
     path = way(robot, 3 if shells else 4, seed, 0.3)
     run = partial(
-        tp.simulate, robot, truth, controller, path=path, run=Run(seed=seed, safety=shell)
-    )
+        tp.simulate, robot, truth, controller, path=path, effects=effects,
+        run=Run(seed=seed, safety=shell),
+    )  # fmt: skip
     try:
         healthy = run()
     except (tp.PoseError, tp.InputError):
@@ -124,11 +139,9 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
     turning = angles(robot)
     results = []
     for c, reading in enumerate(robot.readings):
-        limit = float(np.median(detectable.detected[:, c]))
-        if not limit < MOST:  # a bias of it is undetectable
-            continue
+        limit = sizes()[which, reading]
         for (kind, fault), monitor in product(
-            faults_of(robot, reading, limit).items(), (monitoring(), None)[: 1 + shells]
+            faults_of(robot, reading, limit).items(), (watching, None)[: 1 + shells]
         ):
             ran = run(faults=fault, monitor=monitor)
             alone = _core.FaultyReadings(in_core(robot, fault, controller.period), 1e-3)
@@ -154,6 +167,9 @@ def each_fault(law: str, shells: bool, task: tuple[str, int]) -> list[dict]:
                 "turned": np.degrees(off[:, turning].max(initial=0)),
                 "stated": max(1.0, 1.2e3 * min(stated[:, c].max(), 1e6)),
                 "way": np.nan,
+                # Of these sizes, larger than what one cycle shows of these robots now.
+                "visible": TIMES * limit > np.median(detectable.detected[:, c])
+                or kind not in ("bias", "jump", "drift", "noise", "coarse"),
             }
             if shells and stop and ran.brakes[stop]:
                 x = ran.x[stop - 1 :, ~turning]
@@ -170,7 +186,8 @@ def print_faults(found: Iterable[list[dict]], by: str) -> None:
     groups = defaultdict(list)
     for one in chain.from_iterable(found):
         groups[one[by], one["kind"]].append(one)
-    head(by, "kind", "cases", "detected", "median, 99 % (ms)", "isolated: right, none, wrong",
+    head(by, "kind", "cases", "above the limit", "of these detected", "detected",
+        "median, 99 % (ms)", "isolated: right, none, wrong",
         "error: median, 99 %, largest (mm, °)", "beyond max(1 mm, 1.2 × stated)",
         "stop, over the printed one", words=2)  # fmt: skip
     for (group, kind), cases in groups.items():
@@ -181,10 +198,13 @@ def print_faults(found: Iterable[list[dict]], by: str) -> None:
         delays, ways = delays[np.isfinite(delays)], ways[np.isfinite(ways)]
         late = np.quantile(delays, [0.5, 0.99]) if len(delays) else [np.nan] * 2
         names = Counter(one["isolated"] for one in cases)
+        visible = [one for one in cases if one["visible"]]
         row(
             group,
             kind,
             len(cases),
+            len(visible),
+            sum(np.isfinite(one["delay"]) for one in visible),
             len(delays),
             f"{late[0]:.0f}, {late[1]:.0f}",
             ", ".join(str(names[verdict]) for verdict in ("right", "none", "wrong")),
@@ -260,8 +280,11 @@ def disturbances(robot: tp.Robot, kind: str, seed: int) -> list[Disturbance]:
     ]
 
 
-def healthy(seconds: float, task: tuple[int, str]) -> tuple:
-    """Return set, disturbance, cycles, alarm and names of one healthy robot with all effects."""
+def healthy(seconds: float, alone: bool, task: tuple[int, str]) -> tuple:
+    """Return set, disturbance, cycles, alarm and names of one healthy robot with all effects.
+
+    `alone`: the monitor without observer and shell.
+    """
     seed, which = task
     kind = ("none", "payload", "contact", "friction")[seed // 2 % 4]
     effects = tp.Effects()
@@ -270,20 +293,23 @@ def healthy(seconds: float, task: tuple[int, str]) -> tuple:
         control = tp.Controller.for_robot(robot, effects, ("joint", "estimated")[seed % 2])
         run = tp.simulate(
             robot, truth, control, path=way(robot, int(seconds / 0.7) + 2, seed, 0.7),
-            effects=effects, monitor=monitoring(effects=effects),
-            run=Run(seed=seed, safety=shell_of(effects=effects),
+            effects=effects,
+            monitor=tp.FaultMonitor(effects=effects) if alone else monitoring(effects=effects),
+            run=Run(seed=seed, safety=None if alone else shell_of(effects=effects),
                     disturbances=disturbances(robot, kind, seed)),
         )  # fmt: skip
     except (tp.PoseError, tp.InputError):
         return which, kind, 0, "", ""
-    alarm = run.status if run.stop_cause.any() or (run.health > 0).any() else ""
+    alarmed = run.stop_cause.any() or run.stops.any() or (run.health > 0).any()
+    alarm = run.status if alarmed else ""
     names = dict.fromkeys(KINDS[k] for k in run.disturbance[run.disturbance > 0])
     return which, kind, len(run.x), alarm, ", then ".join(names) or "none"
 
 
-def print_healthy(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
+def print_healthy(pool: ProcessPoolExecutor, robots: int, seconds: float, alone: bool) -> None:
     groups = defaultdict(list)
-    for which, kind, *one in pool.map(partial(healthy, seconds), product(range(robots), SETS)):
+    one_robot = partial(healthy, seconds, alone)
+    for which, kind, *one in pool.map(one_robot, product(range(robots), SETS)):
         groups[which, kind].append(one)
     head("sensors", "disturbance", "robots", "cycles", "alarms", "named", words=2)
     for group, found in sorted(groups.items()):
@@ -336,46 +362,6 @@ def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
         share = -np.log1p(-np.array(alarms) / (pieces + 1e-9)) / (PIECE - SETTLING)
         cells = [f"{r / c:.2g} ({a})" for r, c, a in zip(share, CHANCES, alarms, strict=True)]
         row(which, pieces * (PIECE - SETTLING), *cells)
-
-
-def kinds(robot: tp.Robot, reading: str) -> dict[str, list[Fault]]:
-    """Return the noise of a reading: sizes in its counts, times in s."""
-    count = robot.resolution[robot.readings.index(reading)]
-    bursts = (PICKED, 0.12, 0.19, 0.26)
-    return {
-        "counts 16 times coarser": [Fault(reading, "coarse", PICKED, 16)],
-        "noise, σ 10 counts": [Fault(reading, "noise", PICKED, 10 * count)],
-        "bursts of 30 ms, σ 20 counts": [
-            Fault(reading, "noise", at, 20 * count, at + 0.03) for at in bursts
-        ],
-        "held for 5 ms": [Fault(reading, "hold", PICKED, 0.005)],
-        "held for 10 ms": [Fault(reading, "hold", PICKED, 0.01)],
-    }
-
-
-def beyond(run: tp.simulation.Simulation, healthy: tp.simulation.Simulation) -> float:
-    """Return the largest error beyond a healthy robot's, mm."""
-    return 1e3 * np.linalg.norm((run.x - healthy.x[: len(run.x)])[:, :3], axis=1).max()
-
-
-def noise(robots: int) -> None:
-    head("sensors, law", "reading", "noise", "without (mm)", "with (mm)", "failed", words=3)
-    for which, law in product(list(SETS)[:2], ("joint", "tej", "estimated")):
-        cases = defaultdict(list)
-        for seed in range(robots):
-            robot, truth = sampled(which, seed)
-            run = partial(tp.simulate, robot, truth, law, run=Run(seed=seed))
-            usual = run()
-            for reading in ("q1", *SETS[which][1]):
-                for name, faults in kinds(robot, reading).items():
-                    without, ran = (run(faults=faults, monitor=m) for m in (None, monitoring()))
-                    failed = len(ran.failed) + int(ran.stops.any())
-                    case = beyond(without, usual), beyond(ran, usual), failed
-                    cases[reading, name].append(case)
-        for key, found in cases.items():
-            without, ran, failed = np.array(found).T
-            ends = f"{without.max():.2f}", f"{ran.max():.2f}", int(failed.sum())
-            row(f"{which}, {law}", *key, *ends)
 
 
 def payload(robots: int) -> None:
@@ -442,8 +428,8 @@ def consequences() -> None:
 
 def main() -> None:
     robots = {
-        "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100, "noise": 3,
-        "payload": 30, "consequences": 1,
+        "monitor": 3, "campaign": 5, "frozen": 8, "healthy": 200, "rates": 100,
+        "alarms": 8, "payload": 30, "consequences": 1,
     }  # fmt: skip
     args = arguments(__doc__, *robots, robots=0, seconds=10.0, jobs=2)
     count = args.robots or robots[args.what]
@@ -457,9 +443,9 @@ def main() -> None:
             "monitor": lambda: print_faults(faults(False, "estimated"), "sensors"),
             "campaign": lambda: print_faults(faults(True, "joint", "estimated"), "mode"),
             "frozen": lambda: print_frozen(pool, count),
-            "healthy": lambda: print_healthy(pool, count, args.seconds),
+            "healthy": lambda: print_healthy(pool, count, args.seconds, alone=False),
             "rates": lambda: print_rates(pool, count, args.seconds),
-            "noise": lambda: noise(count),
+            "alarms": lambda: print_healthy(pool, count, args.seconds, alone=True),
             "payload": lambda: payload(count),
             "consequences": consequences,
         }

@@ -573,8 +573,6 @@ typedef struct truepose_fault_monitor_settings {
   truepose_real rests[TRUEPOSE_MOTORS];  /**< error at which a healthy motor may rest */
   truepose_real shaken[TRUEPOSE_MOTORS]; /**< virtual readings' noise sigma per cycle (0: any) */
   truepose_real low[TRUEPOSE_READINGS], high[TRUEPOSE_READINGS]; /**< range (equal: any) */
-  truepose_real growth[3]; /**< most in a warm-up, of base, arms and rods: shares of their sizes */
-  truepose_real memory;    /**< s over which it is averaged */
 } truepose_fault_monitor_settings;
 
 typedef enum truepose_health {
@@ -589,8 +587,7 @@ typedef enum truepose_symptom {
   TRUEPOSE_OUT_OF_RANGE = 2,
   TRUEPOSE_TOO_FAST = 3,
   TRUEPOSE_STUCK = 4,
-  TRUEPOSE_DISAGREES = 5,
-  TRUEPOSE_NOISY = 6 /**< valid, but noisy, coarse or held: smoothed, with a larger sigma */
+  TRUEPOSE_DISAGREES = 5
 } truepose_symptom;
 
 /** Report of a monitor. Sets of readings or motors are bits, the first one's 1. */
@@ -602,6 +599,8 @@ typedef struct truepose_fault_report {
   uint32_t brakes;    /**< motors whose brakes must hold; until acknowledged */
   int32_t stops;      /**< 1: the caller must stop along the path and stay, */
   truepose_real stop; /**< in this time, s, for truepose_advance(); 0: continue */
+  int32_t stop_cause; /**< 3, 4, 5: clock backwards, dropped, stale frame; 14: overspeed; 0: no */
+  int32_t unused;
 } truepose_fault_report;
 
 /** Settings and state of a monitor. Opaque. */
@@ -647,9 +646,6 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_
  * first. Without it a motor that a law turns back against its setpoint may seem stuck. */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
                                                          const truepose_real led[TRUEPOSE_MOTORS]);
-
-/** 1: warm. Only the growth of base, arms and rods explains the readings, within the settings'. */
-TRUEPOSE_API int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor);
 
 /** Time along a path. Start with {0, 1, 0, 0}. */
 typedef struct truepose_path_clock {
@@ -700,6 +696,15 @@ typedef struct truepose_safety_limits {
 TRUEPOSE_API truepose_outcome truepose_safety_defaults(const truepose_model* model,
                                                        const truepose_control_settings* settings,
                                                        truepose_safety_limits* limits);
+/** Limits for truepose_control_fault_tolerant() without a safety shell, of frames, speeds and
+ * stuck motors: after a violation no motor can be trusted, and all brakes are requested. They stay
+ * until truepose_fault_monitor_init(). */
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
+                                                           const truepose_safety_limits* limits);
+/** Before each cycle: the counter of the readings' frame. Without one, frozen readings are found by
+ * what the motors should have moved. */
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_frame(truepose_fault_monitor* monitor,
+                                                           uint64_t counter);
 /** Distance, m, from the last fresh frame before a common fault of all readings to standstill, at
  * home and at a speed, m/s. @param marked  1: frames have a counter or a timestamp */
 TRUEPOSE_API truepose_outcome truepose_stopping_distance(const truepose_model* model,

@@ -129,8 +129,6 @@ class Controller {
   Outcome acknowledge(int reading) {
     return outcome_of(truepose_fault_monitor_acknowledge(&monitor_, reading));
   }
-  /// Whether only a warm-up explains the readings.
-  bool warm() const { return truepose_fault_monitor_warm(&monitor_) != 0; }
 
  private:
   truepose_controller controller_{};

@@ -36,8 +36,6 @@ Outcome sound(const FaultMonitorSettings& s) {
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
-  for (const Real growth : s.growth)
-    good = good && growth >= 0 && growth < 1 && (growth == 0 || s.memory > 0);
   return {good ? Status::ok : Status::no_such_value};
 }
 
@@ -52,6 +50,7 @@ void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   report->doubted = monitor.doubted;
   report->lost = monitor.lost;
   report->brakes = setup.state.brakes;
+  report->stop_cause = static_cast<std::int32_t>(setup.state.cause);
   report->stops = setup.state.stops || monitor.undecided || monitor.lost != 0;
   const FaultMonitorSettings& settings = setup.settings.monitor;
   if (report->stops) report->stop = monitor.lost ? settings.stop_lost : settings.stop;
@@ -267,6 +266,22 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* moni
   });
 }
 
+truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
+                                              const truepose_safety_limits* limits) {
+  return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
+    const Outcome outcome = take(*limits, setup.settings.limits);
+    setup.settings.limited = bool(outcome);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_fault_monitor_frame(truepose_fault_monitor* monitor, uint64_t counter) {
+  return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
+    setup.state.frame = {true, counter};
+    return {};
+  });
+}
+
 truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
                                             const truepose_real* led) {
   return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
@@ -274,11 +289,6 @@ truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
     setup.state.monitor.led = in<Joint>(led);
     return {};
   });
-}
-
-int32_t truepose_fault_monitor_warm(const truepose_fault_monitor* monitor) {
-  const FaultTolerantSetup* setup = held(monitor);
-  return setup && setup->state.monitor.warm_up.warm;
 }
 
 void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {

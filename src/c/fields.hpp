@@ -134,7 +134,7 @@ TRUEPOSE_TABLE(truepose_control_settings, ControlSettings, size, law, gains, fee
                sigma_scale, unused, period, velocity_bandwidth, damped_below, lead_out, kp, kd, ki)
 TRUEPOSE_TABLE(truepose_fault_monitor_settings, FaultMonitorSettings, size, refresh, coast, decide,
                spikes, within, period, false_alarm, replaceable, correlation, stop, stop_lost, held,
-               fastest, moved, kp, kd, rests, shaken, low, high, growth, memory)
+               fastest, moved, kp, kd, rests, shaken, low, high)
 TRUEPOSE_TABLE(truepose_multirate_settings, MultirateSettings, size, stamped, every, age, period,
                sensitivity)
 TRUEPOSE_TABLE(truepose_safety_limits, SafetyLimits, size, window, age, counter_bits, period,

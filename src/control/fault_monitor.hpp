@@ -6,10 +6,10 @@
 // depends on the pose alone and changes slowly, so the innovation of a tracker of the parity has
 // little more than the readings' noise and reveals sudden faults far below the level (the change).
 //
-// A reading is a candidate if χ² is admissible without it. A candidate that stands still while the
-// robot moves, or that alone leaves its own track, is isolated; several candidates are suspected
-// together. (Willsky and Jones, A generalized likelihood ratio approach to the detection and
-// estimation of jumps in linear systems, 1976.)
+// While they disagree, each reading is a hypothesis with log odds (parity_evidence.cpp). One that
+// is decisively better than all others is isolated; several alike are suspected together. (Willsky
+// and Jones, A generalized likelihood ratio approach to the detection and estimation of jumps in
+// linear systems, 1976.)
 //
 // A faulty reading is substituted: by its own prediction for some cycles, then by the value that
 // the others give, its own error taken as unknown. Bounded work, no allocation.

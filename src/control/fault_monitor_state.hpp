@@ -1,9 +1,9 @@
 // Settings and state of the fault monitor.
 #pragma once
 
+#include "control/driven_way.hpp"
 #include "control/law.hpp"
-#include "control/reading_noise.hpp"
-#include "control/warm_up.hpp"
+#include "control/tracker.hpp"
 #include "math/chi2.hpp"
 
 namespace truepose {
@@ -14,7 +14,7 @@ enum class Health : int {
   failed = 2,   ///< until it is repaired and acknowledge() is called
 };
 
-/// Reason why a reading is not valid, or has a larger σ.
+/// Reason why a reading is not valid.
 enum class Symptom : int {
   none = 0,
   missing = 1,       ///< no number, or larger than any sensor gives
@@ -22,7 +22,6 @@ enum class Symptom : int {
   too_fast = 3,      ///< farther from its prediction than any torque can take it
   stuck = 4,         ///< unchanged counts while the robot moves
   disagrees = 5,     ///< with the other readings
-  noisy = 6,         ///< valid, but noisy, coarse or held: smoothed, with a larger σ
 };
 
 /// Constant during a run. Fill it, then call prepare().
@@ -42,22 +41,19 @@ struct FaultMonitorSettings {
   /// Duration with a lost motor, s: about twice the closing time of a brake (20 ms, assumed). The
   /// brake stops that motor wherever the path is by then; the error is the others' way left.
   Real stop_lost = 0.04;
-  Real held = 0.005;   ///< longest time for which the last valid torque is held, s
-  Extended fastest{};  ///< largest second derivative of a healthy reading (0: not tested)
-  Extended moved{};    ///< model motion beside unchanged counts that is too large (0: not tested)
-  Joint kp{}, kd{};    ///< 1/s² and 1/s: loops that drive a motor with a frozen encoder
-  Joint rests{};       ///< error at which a healthy motor may rest: counts, friction
-  Joint shaken{};      ///< largest σ per cycle of a virtual reading's noise (0: any)
-  Extended low{}, high{};  ///< range of a reading (equal: not tested)
-  /// Largest growth of base, arms and rods in a warm-up, as shares of their sizes (0: no warm-up).
-  Growths growth{};
-  Real memory = 600;  ///< s over which growths are averaged: drifts within it are faults
+  Real held = 0.005;       ///< longest time for which the last valid torque is held, s
+  Extended fastest{};      ///< largest second derivative, per s² (0: not tested)
+  Extended moved{};        ///< model motion that shows a stuck reading, rad or m (0: not tested)
+  Joint kp{}, kd{};        ///< 1/s² and 1/s: loops that drive a motor with a frozen encoder
+  Joint rests{};           ///< error at which a healthy motor may rest (counts, friction), rad or m
+  Joint shaken{};          ///< largest σ of a virtual reading's noise per cycle, rad or m (0: any)
+  Extended low{}, high{};  ///< range of a reading, rad or m (equal: not tested)
 
   // Not in truepose_fault_monitor_settings: from prepare().
-  Real sigmas = 0;  ///< limit of a normal variable with the same probability
+  Real sigmas = 0;    ///< limit of a normal variable with the same probability
+  Real decisive = 0;  ///< difference of log odds that isolates a reading: chance is as rare
   std::array<Real, kMaxSensors + 1> chi2{};  ///< limits, by degrees of freedom
   TrackerGains own, together;
-  Extended wild{};  ///< jump beyond the noise that may be smoothed
 };
 
 inline constexpr Real kOwnPole = 0.3;     ///< of a reading's own tracker
@@ -68,55 +64,81 @@ inline constexpr int kFollowed = 8;       ///< cycles for a reading's own tracke
 inline constexpr int kSettling = 32;      ///< and for the parity's, to settle after the start
 inline constexpr int kStill = 3;          ///< unchanged cycles after which a reading stands still
 inline constexpr int kSpikesKept = 8;
-inline constexpr Real kWild = 3;        ///< σ of the largest noise that make a jump
+/// Share of `moved` above which a reading that stands still during a disagreement is isolated, or
+/// one whose motor was driven off.
+inline constexpr Real kStoodBy = 0.4;
 inline constexpr Real kNoNumber = 1e9;  ///< rad or m: larger readings count as missing
 
 /// Computes the limits from the false-alarm probability, shared by the level and change tests.
 /// Tests of single readings have a bound that no torque reaches, with this margin on top.
 void prepare(FaultMonitorSettings& settings);
 
+/// A reading that stays the same, while its model and its motor may move on. rad or m, and s.
+struct Standstill {
+  Real reading = 0;          ///< the value that stays
+  Real model = 0;            ///< the model's value when the reading changed last
+  Real setpoint_motion = 0;  ///< sensors: the setpoint's motion since then, by the model
+  Real forced_error = 0;     ///< motors: error that external forces caused then
+  DrivenWay driven;          ///< from the setpoint then; motors: by a frozen encoder
+  int cycles = 0;            ///< since then, up to 1000
+  bool stuck = false;        ///< too far from its model: extrapolated until it changes or fails
+
+  /// Whether it may be a frozen encoder that drives its motor away.
+  bool feigns() const { return cycles >= kStill && driven.error != 0; }
+};
+
+/// Following error of a motor, desired minus actual, rad or m.
+struct FollowingError {
+  Real now = 0;        ///< when its reading was last believed
+  Real usual = 0;      ///< mean while the motor moves,
+  Real deviation = 0;  ///< from that at the last motion,
+  Real variance = 0;   ///< and the mean square of the deviations
+  Tracker led_out;     ///< of a motor with a stuck encoder: as its loop reduces it
+};
+
+/// Times at which a reading was extrapolated.
+struct Extrapolations {
+  int cycles = 0;                                 ///< consecutive ones
+  std::int64_t count = 0;                         ///< of all times but standstills,
+  std::array<std::int64_t, kSpikesKept> begun{};  ///< and the cycles in which the latest began
+};
+
 /// State of one reading.
 struct MonitoredReading {
   Health health = Health::valid;
   Symptom symptom = Symptom::none;  ///< the latest
   bool begun = false;               ///< a first number was read
-  Tracker own;
-  Real spread = 0;      ///< mean square of its innovations
-  Real raw = 0;         ///< in the last cycle
-  Real model = 0;       ///< model value when the reading changed last
-  Real asked = 0;       ///< value to which it was led then
-  Real told = 0;        ///< sensors: the setpoint's motion since then, by the model
-  int still = 0;        ///< cycles since it changed, up to 1000
-  Real seems = 0;       ///< motors: phantom error since then, beyond `rests`,
-  Real speed = 0;       ///< the speed to which it drives the motor,
-  Real way = 0;         ///< and the distance
-  Real behind = 0;      ///< motors: following error, desired minus believed, when last believed
-  Real usual = 0;       ///< its mean while the motor moves,
-  Real off = 0;         ///< its deviation from the mean at the last motion,
-  Real strays = 0;      ///< and the mean square of that
-  Real pushed = 0;      ///< motors: error that external forces caused when the reading changed last
-  int bridged = 0;      ///< consecutive extrapolated cycles
-  bool stands = false;  ///< unchanged while the model moves: extrapolated until it changes or fails
-  ReadingNoise noise;
-  std::int64_t left = -kSettling;  ///< delayed sensors: last cycle in which a motor left its track
-  std::int64_t spikes = 0;
-  std::array<std::int64_t, kSpikesKept> spike{};  ///< cycles of the latest
+  Tracker track;                    ///< position and rate
+  Real scatter = 0;                 ///< mean square of the track's innovations
+  Standstill standstill;
+  FollowingError following;  ///< motors
+  Extrapolations extrapolated;
+  std::int64_t left_track = -kSettling;  ///< motors beside delayed sensors: latest such cycle
+};
+
+/// A disagreement of the readings, from its first cycle on.
+struct Disagreement {
+  int cycles = 0;     ///< with an alarm
+  int undecided = 0;  ///< +2 per cycle with several candidates, -1 per cycle without alarm
+  Reading change{};   ///< sum of the parity's changes in these cycles,
+  Reading level{};    ///< and of its values
+  Extended jump{};    ///< innovations of the readings' tracks in the first one
 };
 
 /// State of the fault monitor. Plain data, the caller's; a new one starts afresh.
 struct FaultMonitor {
   std::array<MonitoredReading, kMaxReadings> reading;
   std::uint32_t doubted = 0;  ///< candidates for the fault, as bits; 0: no disagreement
-  int disagreed = 0;          ///< +2 per cycle with several candidates, -1 per cycle without alarm
-  bool undecided = false;     ///< for too long to be isolated: the robot should stop
-  std::uint32_t lost = 0;     ///< failed motors that once had no substitute
-  std::uint32_t without = 0;  ///< failed readings substituted in this cycle
-  std::uint32_t held = 0;     ///< candidate motors held at their setpoints
-  bool changed = false;       ///< one of the two has: the law's input may jump
-  std::int64_t cycle = 0;     ///< since the first one with a pose,
-  std::int64_t began = 0;     ///< and in which the parity's trackers began to settle
-  bool placed = false;        ///< `pose` is known
-  Pose pose;                  ///< of the believed motors
+  Disagreement disagreement;
+  bool undecided = false;        ///< for too long to be isolated: the robot should stop
+  std::uint32_t lost = 0;        ///< failed motors that once had no substitute
+  std::uint32_t without = 0;     ///< failed readings substituted in this cycle
+  std::uint32_t held = 0;        ///< candidate motors held at their setpoints
+  bool changed = false;          ///< one of the two has: the law's input may jump
+  std::int64_t cycle = 0;        ///< since the first one with a pose,
+  std::int64_t began = 0;        ///< and in which the parity's trackers began to settle
+  bool placed = false;           ///< `pose` is known
+  Pose pose;                     ///< of the believed motors
   Coordinates motion{}, last{};  ///< in this cycle, in the one before
   Real way = 0;                  ///< since the last update of the geometry's covariance
   Joint pushed{};                ///< motor errors that external forces cause
@@ -129,22 +151,10 @@ struct FaultMonitor {
   bool known = false;                           ///< the next two are valid
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
   Parasitic rest;                               ///< residual motion there
-  Extended beyond{};                            ///< what the full level and the growths add to h
-  WarmUp warm_up;
-  std::int64_t updated = 0;  ///< cycle of the last update of these
+  Extended beyond{};                            ///< what the full level adds to h
 };
 
 /// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the
 /// trackers settle, readings are only tested to be numbers within range.
 void acknowledge(FaultMonitor& monitor, int reading);
-
-namespace fault_monitor_detail {
-/// Counts one more extrapolated cycle of a reading. Too long, or too often, and it has failed. One
-/// that stands still may be held between slow samples, and one that jumps may become noisy: they
-/// get twice the time. Noise is no jump, unless wild; jumps within the window in which noise is
-/// recognised count once.
-/// @param every  cycles per sample @param wild  it jumps as no noise does
-void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom, int every,
-            bool wild, MonitoredReading& reading);
-}  // namespace fault_monitor_detail
 }  // namespace truepose

@@ -28,12 +28,46 @@ void acknowledge(FaultTolerantState& fault_state, int reading) {
   release(fault_state);
 }
 
+namespace {
+/// Violations after which no motor can be trusted.
+constexpr std::uint32_t kUntrusted = bit_of(StopCause::clock_backwards) |
+                                     bit_of(StopCause::dropped_frames) |
+                                     bit_of(StopCause::stale_frame) | bit_of(StopCause::overspeed);
+
+/// Checks the cycle against the limits, without the readings that the monitor excludes.
+/// @param applied  torques of the last cycle
+void check(const Robot& robot, const SafetyLimits& limits, const Setpoint& setpoint,
+           const Extended& q_e, Outcome answer, const ControlState& state, const Joint& applied,
+           FaultTolerantState& fault_state) {
+  const int n = robot.motors;
+  const FaultMonitor& monitor = fault_state.monitor;
+  CheckedCycle cycle{setpoint.x,   state.q_d,   motors_of(robot, q_e), answer,
+                     state.torque, state.error, fault_state.frame,     {},
+                     monitor.held};
+  for (int i = 0; i < n; ++i)
+    if (monitor.reading[i].health == Health::failed || monitor.reading[i].extrapolated.cycles > 0)
+      cycle.unused |= bit(i);
+  Violations found =
+      check_limits(n, dof(robot.mobility), limits, cycle, fault_state.asked && !fault_state.brakes,
+                   applied, fault_state.checked);
+  found.causes &= kUntrusted;
+  if (!found.causes) return;
+  if (fault_state.cause == StopCause::none) {
+    fault_state.cause = found.first();
+    fault_state.part = found.part[static_cast<std::size_t>(fault_state.cause)];
+  }
+  fault_state.stops = true;
+  fault_state.brakes = bit(n) - 1;
+}
+}  // namespace
+
 Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settings,
                                const FaultTolerantSettings& fault_settings,
                                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
                                const Weighing& weighing, FaultTolerantState& fault_state,
                                Multirate* late) {
   const int n = robot.motors;
+  const Joint applied = state.torque;
   Extended believed = q_e;
   FaultMonitor& monitor = fault_state.monitor;
   const Outcome monitored = monitor_faults(
@@ -55,21 +89,15 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   Outcome outcome = monitored;
   if (monitored) {
     ControlSettings now = settings;
-    std::uint32_t failed = 0, noisy = 0;
-    for (int c = 0; c < n + robot.r; ++c) {
+    std::uint32_t failed = 0;
+    for (int c = 0; c < n + robot.r; ++c)
       failed |= monitor.reading[c].health == Health::failed ? bit(c) : 0;
-      noisy |= monitor.reading[c].noise.noisy() ? bit(c) : 0;
-    }
-    const bool reweigh = failed || noisy || late;
+    const bool reweigh = failed || late;
     if (reweigh) fault_state.known = *weighing.known;
-    for (int c = 0; c < n + robot.r && (failed || noisy); ++c) {
-      Real& sigma = fault_state.known.sigma[c];
-      // A lost motor counts as being at its setpoint: a law that weighs would estimate its error
-      // from readings that hardly determine it, and drive it by that.
-      if (failed & ~monitor.lost & bit(c)) sigma *= kDisbelieved;
-      const ReadingNoise& noise = monitor.reading[c].noise;
-      if (noisy & bit(c)) sigma = std::sqrt(sigma * sigma + noise.gain * noise.variance());
-    }
+    // A lost motor counts as being at its setpoint: a law that weighs would estimate its error from
+    // readings that hardly determine it, and drive it by that.
+    for (int c = 0; c < n + robot.r && failed; ++c)
+      if (failed & ~monitor.lost & bit(c)) fault_state.known.sigma[c] *= kDisbelieved;
     if (late) {
       low_pass(robot, *late, believed, failed & (bit(n) - 1));
       weigh(robot, *late, fault_state.known);
@@ -83,6 +111,8 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (outcome) fault_state.q_d = state.q_d;
   fault_state.asked = fault_state.asked || outcome;
   fault_state.unanswered = outcome ? 0 : fault_state.unanswered + settings.period;
+  if (fault_settings.limited)
+    check(robot, fault_settings.limits, setpoint, q_e, outcome, state, applied, fault_state);
   if (fault_state.unanswered > fault_settings.monitor.held) {
     fault_state.stops = true;
     fault_state.brakes = all;
@@ -110,5 +140,8 @@ void release(FaultTolerantState& fault_state) {
   fault_state.stops = false;
   fault_state.brakes = 0;
   fault_state.stop = fault_state.unanswered = fault_state.stopping = 0;
+  fault_state.cause = StopCause::none;
+  fault_state.part = -1;
+  fault_state.checked = {};
 }
 }  // namespace truepose

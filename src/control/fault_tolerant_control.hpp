@@ -4,6 +4,7 @@
 // there is no substitute, or the fault is not isolated, the robot stops on its path.
 #pragma once
 
+#include "control/limit_check.hpp"
 #include "control/supervisor.hpp"
 
 namespace truepose {
@@ -26,6 +27,8 @@ struct FaultTolerantSettings {
   FaultMonitorSettings monitor;
   const Robot* finest = nullptr;     ///< model for the fault monitor; nullptr: the law's
   Supervisor* supervisor = nullptr;  ///< a package's; nullptr: none
+  bool limited = false;   ///< whether frames, speeds and stuck motors are checked against
+  SafetyLimits limits{};  ///< these limits, as no other reading shows what all have in common
 };
 
 /// State and report of the controller, owned by the caller; a new one starts afresh.
@@ -41,6 +44,10 @@ struct FaultTolerantState {
   bool asked = false;   ///< whether there was a setpoint,
   Joint q_d{};          ///< and the last one, also of a law that starts anew
   Knowledge known{};    ///< with large σ for excluded readings
+  FrameMark frame;      ///< in: counter of the readings' frame, if it has one
+  LimitState checked;   ///< of the limits,
+  StopCause cause = StopCause::none;  ///< the first that was violated, until acknowledge(),
+  int part = -1;                      ///< and its motor or -1
 };
 
 /// Lets the robot move: a new PathClock leads it from where it stands. What the fault monitor still

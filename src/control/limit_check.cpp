@@ -13,23 +13,6 @@ bool LimitState::seen(int motors) const {
                      [](int valid) { return valid == kMostWindow; });
 }
 
-void DrivenWays::begin(int i, Real q_d) {
-  from[i] = q_d;
-  error[i] = pushed[i] = way[i] = 0;
-  cycles[i] = 0;
-}
-
-Real DrivenWays::advance(const SafetyLimits& limits, int i, Real q_d, Real off, Real rests) {
-  Real away = q_d - from[i];
-  if (off != 0 && !(off * away >= away * away)) away = off * away > 0 ? off : 0;
-  const Real last = error[i];
-  error[i] = away - std::clamp(away, -rests, rests);
-  pushed[i] += limits.period * limits.kp[i] * error[i] + limits.kd[i] * (error[i] - last);
-  if (error[i] == 0) pushed[i] = 0;
-  cycles[i] = error[i] == 0 ? 0 : std::min(cycles[i] + 1, kMostDriven);
-  return way[i] += limits.period * pushed[i];
-}
-
 namespace {
 using namespace safety_detail;
 
@@ -58,6 +41,10 @@ struct Check {
 
   const Joint& past(int cycles) const {
     return state.past[(state.cycle - static_cast<unsigned>(cycles)) % kMostWindow];
+  }
+  Real advance(DrivenWay& way, int i) const {
+    return way.advance(limits.period, limits.kp[i], limits.kd[i], cycle.q_d[i], cycle.error[i],
+                       limits.rests[i]);
   }
   /// The motors for which a condition holds, as bits.
   template <class Condition>
@@ -108,21 +95,20 @@ struct Check {
         constexpr int kBack = kMostWindow - 1;
         const bool full = state.have[i] == kMostWindow;
         state.pace[i] = full ? std::fabs(last[i] - past(kMostWindow)[i]) / kBack : 0;
-        state.frame.begin(i, state.wanted[i]);
+        state.frame[i] = {state.wanted[i]};
       }
     state.same = std::min(state.same + 1, kLongest);
     bool moved = false;
     Real unseen = 0;  // Σ of squares, beyond the count that each motor may move unseen
     for (int i = 0; i < n; ++i) {
-      const Real asked = std::fabs(cycle.q_d[i] - state.frame.from[i]);
+      const Real asked = std::fabs(cycle.q_d[i] - state.frame[i].from);
       const Real still = limits.still[i], expected = state.pace[i] * state.same;
       // A robot at rest may start late, but not one that just moved, faster than by its noise.
       const bool just =
           state.pace[i] > kLeastPace * still && (state.same <= kMostWindow || expected < 3 * still);
       const Real beyond = std::min(asked, expected) - kOneCount * still;
       if (just && beyond > 0) unseen += beyond * beyond / (still * still);
-      const Real way =
-          state.frame.advance(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
+      const Real way = advance(state.frame[i], i);
       moved = moved || !(std::fabs(way) <= still);
     }
     moved = moved || unseen > (1 - kOneCount) * (1 - kOneCount);
@@ -139,11 +125,10 @@ struct Check {
         return false;
       }
       if (!cycle.answer) return false;
-      if (!(state.alike & bit(i))) state.alone.begin(i, state.wanted[i]);
+      if (!(state.alike & bit(i))) state.alone[i] = {state.wanted[i]};
       state.alike |= bit(i);
-      const Real way =
-          state.alone.advance(limits, i, cycle.q_d[i], cycle.error[i], limits.rests[i]);
-      return state.alone.cycles[i] >= kFrozen &&
+      const Real way = advance(state.alone[i], i);
+      return state.alone[i].cycles >= kFrozen &&
              !(std::fabs(way) <=
                std::max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
     });

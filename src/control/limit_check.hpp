@@ -6,6 +6,7 @@
 
 #include <bit>
 
+#include "control/driven_way.hpp"
 #include "control/frame_clock.hpp"
 #include "control/limits.hpp"
 #include "control/parity.hpp"
@@ -34,31 +35,18 @@ struct Violations {
   StopCause first() const { return static_cast<StopCause>(std::countr_zero(causes | 1U << 31)); }
 };
 
-inline constexpr int kMostDriven = 1000;  ///< cycles that are counted
-/// Ways by which the loops have driven motors since their readings are identical.
-struct DrivenWays {
-  Joint from{};                          ///< the setpoint then
-  Joint error{}, pushed{}, way{};        ///< error that the readings leave; speed and way by it
-  std::array<int, kMaxMotors> cycles{};  ///< with such an error
-
-  void begin(int i, Real q_d);
-
-  /// One cycle of motor i. An error at which it may rest drives nothing: friction may have held the
-  /// opposite one before. @param off  the law's error; 0: unknown @return its way
-  Real advance(const SafetyLimits& limits, int i, Real q_d, Real off, Real rests);
-};
-
 /// State of the checks, the caller's; a new one starts afresh.
 struct LimitState {
   FrameClock counter, time;
   Real unanswered = 0;  ///< time without an answer, s
   unsigned cycle = 0;
-  std::array<Joint, kMostWindow> past{};    ///< motor readings of the last cycles
-  std::array<int, kMaxMotors> have{};       ///< of these, valid ones without a gap
-  int uneven = 0;                           ///< cycles for which a repeated frame is among them
-  int same = 0;                             ///< cycles with identical readings of all motors
-  Joint pace{};                             ///< their motion per cycle before these
-  DrivenWays frame, alone;                  ///< of all motors together, and of each
+  std::array<Joint, kMostWindow> past{};  ///< motor readings of the last cycles
+  std::array<int, kMaxMotors> have{};     ///< of these, valid ones without a gap
+  int uneven = 0;                         ///< cycles for which a repeated frame is among them
+  int same = 0;                           ///< cycles with identical readings of all motors
+  Joint pace{};                           ///< their motion per cycle before these
+  /// While the readings of all motors are identical, and of each.
+  std::array<DrivenWay, kMaxMotors> frame, alone;
   std::uint32_t alike = 0;                  ///< motors whose reading is the last one, as bits
   Joint wanted{};                           ///< setpoint of the last cycle
   std::uint32_t unread = 0;                 ///< motors whose reading is missing, as bits

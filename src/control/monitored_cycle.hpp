@@ -1,5 +1,5 @@
-// One cycle of the fault monitor: its readings, tests of them, and the geometry's part of the
-// parity.
+// One cycle of the fault monitor: inputs, intermediate results, and its steps, a file for each
+// idea.
 #pragma once
 
 #include "control/fault_monitor_state.hpp"
@@ -7,134 +7,107 @@
 #include "control/parity.hpp"
 
 namespace truepose::fault_monitor_detail {
-/// Inputs, intermediate results and tests of one cycle.
 struct MonitoredCycle {
-  const Robot& robot_;
-  const FaultMonitorSettings& settings_;
-  const Weighing& weighing_;
-  const Joint& desired_;
-  Extended q_e_;  ///< readings; delayed ones extrapolated to now
-  FaultMonitor& monitor_;
-  Extended& believed_;
-  Multirate* late_;  ///< slow and delayed sensors; nullptr: none
+  const Robot& robot;
+  const FaultMonitorSettings& settings;
+  const Weighing& weighing;
+  const Joint& desired;
+  Extended q_e;  ///< readings; delayed ones extrapolated to now
+  FaultMonitor& monitor;
+  Extended& believed;
+  Multirate* late;  ///< slow and delayed sensors; nullptr: none
 
-  const int n = robot_.motors, r_ = robot_.r, rows_ = n + r_;
-  bool settled_ = monitor_.cycle - monitor_.began > kSettling;
-  Parity parity_;
-  Extended noise_{};               ///< variances of the readings' own errors
-  Extended unknown_{};             ///< of unknown errors
-  int left_out_ = 0;               ///< their number
-  Extended innovation_{};          ///< of each reading's own tracker
-  std::uint32_t symptomatic_ = 0;  ///< extrapolated readings,
-  std::uint32_t standing_ = 0;     ///< those of them that stand still
-  std::uint32_t wild_ = 0;         ///< readings that jump as no noise does
-  std::uint32_t still_ = 0;        ///< isolated by standing still
-  std::uint32_t without_ = 0;      ///< excluded readings,
-  std::uint32_t replaced_ = 0;     ///< those of them that the others give
-  std::uint32_t held_ = 0;         ///< candidate motors held at their setpoints
+  const int n = robot.motors, r = robot.r, rows = n + r;
+  Parity parity;
+  Extended noise{};               ///< variances of the readings' own errors
+  Extended unknown{};             ///< of the errors of excluded readings
+  int left_out = 0;               ///< their number
+  Extended innovation{};          ///< of each reading's track
+  std::uint32_t symptomatic = 0;  ///< readings with a symptom in this cycle,
+  std::uint32_t standing = 0;     ///< those of them that are stuck
+  std::uint32_t without = 0;      ///< excluded readings,
+  std::uint32_t replaced = 0;     ///< those of them that the others give
+  std::uint32_t held = 0;         ///< candidate motors held at their setpoints
 
-  // Not an aggregate: that would be filled with zeros first.
   MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
                  const Joint& desired, const Extended& q_e, FaultMonitor& monitor,
                  Extended& believed, Multirate* late);
 
-  /// Variance of a reading's own error.
-  Real variance(int c) const;
+  /// All steps. @return as of monitor_faults()
+  Outcome run();
 
   /// False also where later numbers would overflow.
   static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
-
-  bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
-  int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
-
+  bool delayed(int c) const { return late && c >= n && late->is(c - n); }
+  int every(int c) const { return delayed(c) ? std::max(1, late->settings.every[c - n]) : 1; }
   /// Whether no motor's reading has failed.
   bool motors_valid() const;
-
-  Symptom symptom_of(int c) const;
-
-  /// Whether a reading's track and the limit of its acceleration are known.
-  bool followed(int c) const;
-
-  /// Cycles without a reading before this one. One that jumped must return to its prediction.
-  int missed(int c) const;
-
-  /// Deviation from a reading's prediction beyond what the largest acceleration explains.
-  Real off_track(int c) const;
-
-  /// Whether a reading jumps farther than noise that may be smoothed: off its track, and off the
-  /// model's motion since it changed last, by which a held reading jumps.
-  bool wild(int c) const;
-
-  /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
-  bool covariance(Real gain, Real share, ReadingCovariance& V) const;
-
-  /// σ of the geometry's error in the parity tracker's innovation, as a share of the whole error.
-  /// That error is a function of the pose: an acceleration changes it as far as the pose, a
-  /// velocity by its square.
-  Real bending() const;
-
-  static constexpr int kLongest = 1000;  ///< cycles, counted at most
-  /// Share of `moved` above which a reading that stands still during an alarm is isolated, or one
-  /// whose motor was driven off.
-  static constexpr Real kStoodBy = 0.4;
-  /// Share of `moved` by which asked() must have left a reading that stands still.
-  static constexpr Real kAsked = 0.2;
-  /// σ by which a motor may deviate from its usual following error.
-  static constexpr Real kStrays = 8;
-  /// Interval and grain of a held reading beyond which it stands still.
-  static constexpr Real kLonger = 1.5;
-
-  bool leaves_track(int c, Real innovation) const;
-
-  /// Whether a motor left its track since a delayed sample was taken, which shows it only now.
-  bool motor_left(int c) const;
-
+  /// Value that the model gives a reading: a motor's setpoint, a sensor's by the motors.
   Real model(int c) const;
-
   /// Value whose changes show that a reading moves: of a delayed sensor its last sample.
-  Real raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
+  Real raw(int c) const { return delayed(c) ? late->sample[c - n] : q_e[c]; }
 
-  /// Largest model motion while a reading stands still. A motor that oscillates about its path, for
-  /// example by a law with a delayed sensor, stands still at its turning points while its setpoint
-  /// moves on: its usual deviation counts.
-  Real much(int c, Real share) const;
+  // A reading by itself: reading_tests.cpp
+  void test_readings(int begin, int end);
+  Symptom symptom_of(int c) const;
+  /// Whether an innovation is more than noise and the usual motion leave.
+  bool leaves_track(int c, Real innovation) const;
+  Real track_variance(int c) const;
+  /// Excludes a reading in this cycle. Too long, or too often, and it has failed; one that stands
+  /// still gets twice the time.
+  void extrapolate(int c, Symptom symptom);
+  /// Extrapolates delayed readings to the present by the believed motors.
+  void extrapolate_delayed();
 
-  /// Whether a reading stands still for longer than between its samples. An error that friction
-  /// cannot hold must have driven a motor off its count, unless it was held at its setpoint.
-  bool stands(int c, Real share) const;
-
-  /// Model minus smoothed reading. @param deviation  model minus reading
-  Real smooth(int c, Real deviation);
-
+  // A reading that stands still while its model moves: standstill.cpp
+  /// Largest model motion while a healthy reading stands still. @param share  of `moved`
+  Real tolerated_motion(int c, Real share) const;
+  /// Model motion beyond noise since the reading changed last. @param way  by which its loop has
+  /// driven the motor off
+  Real model_motion(int c, Real way) const;
   /// Value to which a reading is led: a motor's by its drive, a sensor's by q_d, linear from the
   /// motors' pose.
-  Real asked(int c) const;
+  Real setpoint(int c) const;
+  /// Whether the parity contradicts a frozen encoder of a motor that has moved on: a force or
+  /// friction holds the motor. @param moved  by the model
+  bool motor_stands(int c, Real moved) const;
+  void update_standstill(int c, bool judged);
 
-  /// Motion of the setpoint in this cycle, as a sensor would read it.
-  Real told(int sensor) const;
+  // The parity of all readings, and its evidence: parity_evidence.cpp
+  /// Factors V. @param gain  on the readings' own variances @param share  on the geometry's
+  bool covariance(Real gain, Real share, ReadingCovariance& V) const;
+  /// σ of the geometry's error in the change of the parity, as a share of the whole error. That
+  /// error is a function of the pose: an acceleration changes it as far as the pose, a velocity by
+  /// its square.
+  Real bending() const;
+  /// Whether χ² of a parity is beyond its limit.
+  bool alarm(const ReadingCovariance& V, const Reading& value);
+  void test_parity();
+  /// Log odds of an error of each reading against none. @param mean  parity, of covariance V
+  /// @param jumped  the parity has changed: the reading's track counts, too
+  Extended log_odds(const ReadingCovariance& V, const Reading& mean, bool jumped) const;
+  /// Readings whose error explains the disagreement: those whose odds are not decisively worse.
+  std::uint32_t candidates(bool jumped, Real bend) const;
 
-  /// Model motion beyond noise since the reading changed last: of a motor the smaller of that and
-  /// of its distance from it, so that motion towards it does not count. A law that holds a platform
-  /// moves its motors where one of them drifts, and the sensor stands at its setpoint; where a
-  /// sensor is wrong, a motor that the law leads against its setpoint turns back. Motion therefore
-  /// counts once asked() has left the reading that way by kAsked of `moved`.
-  /// @param way  by which its loop has driven the motor off
-  Real stood(int c, Real way) const;
-
+  // Substitution, and the geometry's part of the parity: substitution.cpp
+  /// Takes a reading's error as unknown: with a variance that hides it in every equation.
+  void exclude(int c);
+  /// Substitutes the excluded readings; failed ones have unknown errors, b̂ = Σ_b GᵀV⁻¹ p.
+  void substitute();
   /// Whether b̂ may drive a motor: its σ², and its variance from the readings' own errors, Σ_b²
   /// gᵀV⁻¹ V_s V⁻¹g, which is new in every cycle and shakes the velocity loop.
   /// @param left  variance of b̂ @param g  signature of the reading, whitened by V @param own  V_s
   bool replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
                    const ReadingCovariance& own) const;
-
-  /// Whether the geometry's covariance is of another pose or, with online calibration, outdated.
-  bool stale();
-
-  /// Follows a warm-up. @param cold  parity of the geometry without growth
-  /// @return the growths' part of it
-  Reading warm(const Real* H_xi, const Reading& cold);
-
-  /// Updates the geometry's covariance and the full level's addition at the present pose.
+  /// Following error of an extrapolated motor; of a stuck one as its loop reduces it.
+  Real extrapolated_error(int c);
+  /// Updates the geometry's covariance and the full level's addition, where the pose is another one
+  /// or, with online calibration, they are outdated.
   void refresh();
+
+  Outcome locate();
+  /// Updates the state of every reading. @return the first that is not valid, or -1
+  int update();
+  void update_parity();
 };
 }  // namespace truepose::fault_monitor_detail

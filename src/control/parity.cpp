@@ -81,6 +81,11 @@ Real Parity::expectation_noise(const Extended& noise, int reading) const {
   return std::sqrt(sum);
 }
 
+Real chi_squared(const ReadingCovariance& V, int r, Reading parity) {
+  V.whiten(r, parity.data(), 1);
+  return sum_of(r, [&](int k) { return parity[k] * parity[k]; });
+}
+
 Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, Real* PH,
                     Extended& beyond, Parasitic& rest) {
   beyond.fill(0);
@@ -102,32 +107,4 @@ Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, 
   return also;
 }
 
-Verdict parity_verdict(const Parity& parity, const std::array<Real, kMaxSensors + 1>& most,
-                       const ReadingCovariance& V, const Reading& value, int r,
-                       std::uint32_t without, int left_out) {
-  Verdict verdict;
-  Reading y = value;
-  V.whiten(r, y.data(), 1);
-  for (int k = 0; k < r; ++k) verdict.chi2 += y[k] * y[k];
-  verdict.freedom = std::max(0, r - left_out);
-  const auto at = static_cast<std::size_t>(verdict.freedom);
-  verdict.alarm = at > 0 && !(verdict.chi2 <= most[at]);
-  if (!verdict.alarm) return verdict;
-  verdict.by.fill(0);
-  for (int c = 0; c < parity.n + r; ++c) {
-    if (without & bit(c)) continue;
-    Reading g = parity.signature(r, c);
-    V.whiten(r, g.data(), 1);
-    Real size = 0, along = 0;
-    for (int k = 0; k < r; ++k) {
-      size += g[k] * g[k];
-      along += g[k] * y[k];
-    }
-    if (!(size > 0)) continue;
-    if (at > 1 && verdict.chi2 - along * along / size > most[at - 1]) continue;
-    verdict.may |= bit(c);
-    verdict.by[c] = along / size;
-  }
-  return verdict;
-}
 }  // namespace truepose

@@ -51,18 +51,6 @@ struct Parity {
 Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, Real* PH,
                     Extended& beyond, Parasitic& rest);
 
-/// χ² of a parity, and the readings that alone may explain it.
-struct Verdict {
-  Real chi2 = 0;
-  int freedom = 0;
-  bool alarm = false;
-  std::uint32_t may = 0;  ///< in an alarm: those readings, as bits,
-  Extended by;            ///< and the error of each
-};
-
-/// Tests a parity. @param most  χ² beyond which there is an alarm, by degrees of freedom
-/// @param V  factored @param without  excluded readings; `left_out` of them count in V
-Verdict parity_verdict(const Parity& parity, const std::array<Real, kMaxSensors + 1>& most,
-                       const ReadingCovariance& V, const Reading& value, int r,
-                       std::uint32_t without, int left_out);
+/// χ² of a parity. @param V  factored
+Real chi_squared(const ReadingCovariance& V, int r, Reading parity);
 }  // namespace truepose

@@ -40,7 +40,6 @@ struct Reviewed {
   int freedom;                                  ///< its degrees of freedom
   std::uint32_t doubted;                        ///< suspect readings as bits
   bool undecided;                               ///< isolation is impossible
-  bool warm;
   Status status;
 };
 }  // namespace
@@ -48,7 +47,7 @@ struct Reviewed {
 
 namespace truepose::c {
 TRUEPOSE_MEMBERS(python::Reviewed, believed, health, symptom, chi2, freedom, doubted, undecided,
-                 warm, status)
+                 status)
 }  // namespace truepose::c
 
 namespace truepose::python {
@@ -71,7 +70,7 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
       now.symptom[c] = monitor.reading[c].symptom;
     }
     now.chi2 = monitor.chi2, now.freedom = monitor.freedom, now.doubted = monitor.doubted;
-    now.undecided = monitor.undecided, now.warm = monitor.warm_up.warm;
+    now.undecided = monitor.undecided;
   };
   for_rows(rows.size(), next, kInOrder);
   return records(rows);
@@ -142,7 +141,7 @@ void bind_control(nb::module_& m) {
   nb::class_<Guard>(m, "Guard");
   nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
       .def(nb::init<const Robot&, const Known&, const FaultMonitorSettings&, Optional<Supervisor>,
-                    const Delays&>(),
+                    const Delays&, Optional<const SafetyLimits>>(),
            nb::keep_alive<1, 5>())
       .def_prop_ro("monitor", [](const FaultTolerantSetup& own) { return own.settings.monitor; });
   m.def("review", &review);

@@ -79,12 +79,14 @@ struct FaultTolerantSetup {
 
   FaultTolerantSetup(const Robot& monitored, const Known& knowledge,
                      const FaultMonitorSettings& monitor, Optional<Supervisor> supervisor,
-                     const Delays& slow)
+                     const Delays& slow, Optional<const SafetyLimits> limits)
       : robot(monitored),
         known(knowledge),
         settings{monitor, &robot, supervisor.value_or(nullptr)},
         late(slow) {
     prepare(settings.monitor);
+    if (limits) settings.limits = **limits;
+    settings.limited = limits.has_value();
   }
   FaultTolerantSetup(const FaultTolerantSetup&) = delete;
   FaultTolerantSetup& operator=(const FaultTolerantSetup&) = delete;

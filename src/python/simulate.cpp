@@ -39,7 +39,7 @@ struct Visited {
 
 namespace truepose::c {
 TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up, health, symptom, stops,
-                 brakes, disturbance, disturbed, size, force, refused, warm, safety, cause, part)
+                 brakes, disturbance, disturbed, size, force, refused, safety, cause, part)
 TRUEPOSE_MEMBERS(python::Visited, x, q_e, low, high, saturated, status, unanswered, reason)
 }  // namespace truepose::c
 

@@ -66,7 +66,7 @@ void bind_tables(nb::module_& m) {
   m.attr("fault_kinds") = faults;
   m.attr("stop_causes") = nb::tuple(causes);
   m.attr("symptoms") =
-      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees", "noisy");
+      nb::make_tuple("", "missing", "out of range", "too fast", "stuck", "disagrees");
   m.attr("chain_parameters") = named(kChainTable);
   m.attr("sensor_parameters") = named(kSensorParameterTable);
   m.attr("axis_parameters") = named(kAxisTable);

@@ -89,10 +89,13 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
                           monitored ? extras_.monitor_weighing : weighing);
   else if (extras_.law)
     outcome = control_by_own_law(believed, setpoint, present);
-  else if (monitored)
+  else if (monitored) {
+    if (!extras_.faults || !extras_.faults->frozen(extras_.began + time))
+      ++fault_state_.frame.value;
+    fault_state_.frame.given = true;
     outcome = control_fault_tolerant(believed, settings_, *extras_.fault_settings, setpoint, q_e,
                                      control_, extras_.monitor_weighing, fault_state_, late);
-  else
+  } else
     outcome = control(believed, settings_, setpoint, present, control_, weighing);
   if (learns && monitored) {
     for (int k = 0; k < nominal_.r; ++k)
@@ -150,7 +153,8 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
                 cycle.status, cycle.gave_up};
   sample.stops = fault_state_.stops;
   sample.brakes = brakes();
-  sample.warm = fault_state_.monitor.warm_up.warm;
+  sample.cause = fault_state_.cause;
+  sample.part = fault_state_.part;
   if (extras_.guard) {
     const GuardReport& report = extras_.guard->report();
     sample.safety = report.state;

@@ -39,9 +39,8 @@ struct Sample {
   Coordinates force{};                          ///< and the external force
   bool refused = false;                         ///< too heavy to be fed forward
   int safety = -1;                              ///< state of the guard; -1: without one
-  StopCause cause = StopCause::none;            ///< the guard's,
+  StopCause cause = StopCause::none;            ///< the guard's, or the violated limit's,
   int part = -1;                                ///< and its motor or -1
-  bool warm = false;                            ///< only a warm-up explains the readings
 };
 
 /// A user-defined law: from desired pose and readings to the motor error. It may throw.

@@ -598,13 +598,17 @@ TEST("settings that no controller or monitor can have are refused") {
   CHECK(monitored([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(monitored([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(monitored([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
-  CHECK(monitored([](auto& s) { s.growth[2] = -1e-3; }) == TRUEPOSE_NO_SUCH_VALUE);
-  CHECK(monitored([](auto& s) { s.memory = 0; }) == TRUEPOSE_OK);  // an older table
-  CHECK(monitored([](auto& s) { s.growth[0] = 1e-3, s.memory = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(monitored([](auto&) {}) == TRUEPOSE_OK);
-  CHECK(truepose_fault_monitor_warm(&fault_state) == 0);
-  c::FaultTolerantSetup::of(&fault_state)->state.monitor.warm_up.warm = true;
-  CHECK(truepose_fault_monitor_warm(&fault_state) == 1);
+  auto& setup = *c::FaultTolerantSetup::of(&fault_state);
+  CHECK(!setup.settings.limited);
+  truepose_safety_limits limits{};
+  CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_OTHER_VERSION);
+  limits.size = sizeof limits;
+  limits.period = 2e-3;
+  CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_OK);
+  CHECK(setup.settings.limited && setup.settings.limits.period == 2e-3);
+  CHECK(truepose_fault_monitor_frame(&fault_state, 7).status == TRUEPOSE_OK);
+  CHECK(setup.state.frame.given && setup.state.frame.value == 7);
   truepose_real led[TRUEPOSE_MOTORS] = {0.1};
   CHECK(truepose_fault_monitor_led(&fault_state, led).status == TRUEPOSE_OK);
   led[5] = NAN;
@@ -621,7 +625,7 @@ TEST("every status has the core's number and says what it is") {
   CHECK(TRUEPOSE_NO_SUCH_VALUE == static_cast<int>(Status::no_such_value));
   CHECK(TRUEPOSE_LAW_ESTIMATED == static_cast<int>(Law::estimated));
   CHECK(TRUEPOSE_AXIS_ANGLE == static_cast<int>(SensorKind::axis_angle));
-  CHECK(TRUEPOSE_NOISY == static_cast<int>(Symptom::noisy));
+  CHECK(TRUEPOSE_DISAGREES == static_cast<int>(Symptom::disagrees));
   CHECK(truepose_abi() == TRUEPOSE_ABI);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "control/fault_tolerant_control.hpp"
+#include "control/limit_defaults.hpp"
 #include "mechanisms.hpp"
 #include "simulation/simulate.hpp"
 
@@ -171,6 +172,37 @@ TEST_EACH(for_each,
     CHECK(k < 149 ? !all : all || k < 151);
     for (int i = 0; i < scene.n && all; ++i)
       CHECK(std::fabs(scene.state.torque[i] - weight[i]) < 1e-9 * (1 + std::fabs(weight[i])));
+  }
+}
+
+TEST_EACH(for_each, "a frame that repeats, or a motor beyond its speed, closes all brakes") {
+  for (const bool jumps : {false, true}) {
+    FaultTolerantRobot scene(mechanism);
+    if (!scene.known) return;
+    SafetyLimits& limits = scene.fault_settings.limits;
+    for (int i = 0; i < scene.n; ++i) scene.robot.chain[i].torque_limit = 1e3;
+    if (!default_limits(scene.robot, scene.settings, limits)) return;
+    limits.speed.fill(1e-2);
+    scene.fault_settings.limited = true;
+    scene.fault_settings.monitor.fastest.fill(0);  // the monitor itself tests no jump
+    scene.fault_settings.monitor.chi2.fill(1e12);
+    FrameMark& frame = scene.fault_state.frame;
+    frame.given = true;
+    for (int k = 0; k < 100; ++k) {
+      ++frame.value;
+      CHECK(scene.cycle(scene.readings));
+      CHECK(!scene.fault_state.stops && scene.fault_state.cause == StopCause::none);
+    }
+    for (int k = 0; k < 5; ++k) {
+      Extended q_e = scene.readings;
+      frame.value += jumps;
+      if (jumps) q_e[0] += 1e-3 * (k + 1);
+      static_cast<void>(scene.cycle(q_e));
+    }
+    CHECK(scene.fault_state.brakes == bit(scene.n) - 1 && scene.fault_state.stops);
+    CHECK(scene.fault_state.cause == (jumps ? StopCause::overspeed : StopCause::stale_frame));
+    acknowledge(scene.fault_state, 0);
+    CHECK(scene.fault_state.brakes == 0 && scene.fault_state.cause == StopCause::none);
   }
 }
 

@@ -31,7 +31,7 @@ void finite(const FaultMonitor& monitor, int rows, int r) {
                 std::isfinite(reading.spread),
             "monitor: what it knows of a reading is finite");
     require(reading.health >= Health::valid && reading.health <= Health::failed &&
-                reading.symptom >= Symptom::none && reading.symptom <= Symptom::noisy,
+                reading.symptom >= Symptom::none && reading.symptom <= Symptom::disagrees,
             "monitor: health and symptom exist");
   }
   for (int k = 0; k < r; ++k)

@@ -139,21 +139,6 @@ def test_a_jump_is_found_where_tolerances_hide_a_bias(h4, table2):
     assert (np.square(y).sum(axis=1) > gate(1e-3, 1)).mean() == pytest.approx(0.9, abs=0.02)
 
 
-def test_a_warm_up_hides_slow_drifts_by_three_sigma_of_its_growth(h4):
-    """With one sensor: the variances of counts, geometry and growth add up."""
-    effects, robot, x = tp.Effects(), h4.with_sensors("z_telemeter"), h4.home
-    found = detectability(robot, [x], [x], effects=effects)
-    assert found.slow is not None
-    grown = []
-    for mode in effects.growth(robot):
-        true = robot.replace({name: robot.parameters[name].value + s for name, s in mode.items()})
-        grown.append(float((true.rkm(true.fkm(robot.ikm(x), guess=x)) - robot.rkm(x))[0]))
-    limit = detectable(FALSE_ALARM, 1, 0.9)
-    expected = np.hypot(found.detected[0, -1], limit * np.linalg.norm(grown) / 3)
-    assert found.slow[0, -1] == pytest.approx(expected, rel=0.02)
-    assert found.slow[0, -1] > 1.2 * found.detected[0, -1]
-
-
 def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, table2):
     """Proven: a fault of the one and the opposite fault of the other leave the same parity."""
     found = detectability(second_encoder, table2[::50], table2[::50])

@@ -8,6 +8,7 @@ from fixtures import CHAINED, drawn_poses, refused
 
 import truepose as tp
 from truepose import _core
+from truepose.control.limits import CAUSES
 from truepose.faults import Fault
 from truepose.faults.monitor import (
     HEALTH,
@@ -185,15 +186,6 @@ def test_a_log_is_reviewed_line_by_line(calibrated):
     assert np.abs(review.believed - run.q_e)[:, 6].max() < 2e-3
 
 
-def test_a_review_says_why_a_reading_was_first_not_valid_although_it_is_noisy_later():
-    h4 = tp.load("h4")
-    q_e = tp.simulate(h4, controller="joint").q_e.copy()
-    q_e[50:80, 4] += 0.02 * np.random.default_rng(0).normal(size=30)
-    review = tp.FaultMonitor().review(h4, q_e)
-    assert (review.symptom[review.first :, 4] == SYMPTOMS.index("noisy")).any()
-    assert list(review.table())[4]["why"] == "too fast"
-
-
 def test_a_doubted_reading_without_an_own_symptom_disagrees(calibrated):
     robot, truth = calibrated["θ"]
     q_e = tp.simulate(robot, truth, "joint").q_e.copy()
@@ -332,4 +324,25 @@ def test_a_hexapod_whose_legs_stretch_or_whose_base_is_warm_raises_no_alarm(time
         run=Run(seed=0, time=time),
     )
     assert not run.health.any()
-    assert run.warm[-1] == (time > 0)
+
+
+@pytest.mark.parametrize("law", ["joint", "tej", "estimated"])
+@pytest.mark.parametrize("at", [0.05, 0.1, 0.15])
+def test_a_frame_that_freezes_as_a_whole_is_found_by_its_counter(law, at):
+    h4 = tp.load("h4")
+    frozen = [Fault("frame", "stuck", at=at)]
+    run = tp.simulate(h4, controller=law, faults=frozen, monitor=tp.FaultMonitor())
+    stopped = run.stop_cause > 0
+    assert CAUSES[run.stop_cause[stopped.argmax()]] == "stale frame"
+    assert run.time[stopped.argmax()] < at + 0.004
+    assert run.brakes[-1] == (1 << h4.n) - 1
+    assert run.status.startswith("limits: stale frame")
+    assert np.abs(run.error[:, :3]).max() < 0.01
+
+
+@pytest.mark.parametrize("reading", ["theta", "z_telemeter", "q2"])
+def test_a_reading_that_scatters_is_faulty(reading):
+    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+    run = watched(h4, None, "joint", Fault(reading, "noise", at=0.05, size=0.02))
+    assert run.failed == [reading]
+    assert np.abs(run.error[~run.stops, :3]).max() < 3e-3

@@ -94,7 +94,6 @@ static void monitored(truepose_corrector* tej, const truepose_corrector_input* i
                                           &tej->table.known, tej->work, believed, &tej->report);
   }
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
-  tej->warm = truepose_fault_monitor_warm(&tej->monitor);
   observe(tej, input);
   if (outcome.status > TRUEPOSE_OK) return; /* no result: use the readings as they are */
   if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
@@ -297,7 +296,6 @@ static void correct(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->changed |= tej->doubted != 0;
     tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
-    tej->warm = 0;
   }
   if (untold != 0) {
     fails(tej, TRUEPOSE_TEJ_COMMAND, TRUEPOSE_NOT_FINITE, first(untold));

@@ -102,7 +102,6 @@ typedef struct truepose_corrector {
   truepose_real chi2;                 /**< of the readings at their last test */
   truepose_real pose[6];              /**< estimated by the law in effect; held while off */
   truepose_fault_report report;
-  int32_t warm;                     /**< 1: only a warm-up explains the readings */
   truepose_disturbance disturbance; /**< external force; kind 0 while it is not observed */
   truepose_safety_report safe;      /**< of the shell; zeros without it */
   uint32_t brakes;                  /**< motors whose brakes must hold, as bits */

@@ -42,7 +42,6 @@
       tej.safe.cause != TRUEPOSE_STOP_NONE ? tej.safe.part : -1)                         \
   PIN(ONE, u32, OUT, safety_causes, "safety-causes", 0, tej.safe.causes)                 \
   PIN(ONE, bit, IN, observe, "observe", 0)                                               \
-  PIN(ONE, bit, OUT, warm, "warm", 0, tej.warm)                                          \
   PIN(ONE, s32, OUT, disturbance, "disturbance", 0, tej.disturbance.kind)                \
   PIN(ONE, s32, OUT, disturbance_motor, "disturbance-motor", -1, tej.disturbance.motor)  \
   PIN(ONE, float, OUT, disturbance_size, "disturbance-size", 0, tej.disturbance.size)    \
@@ -132,8 +131,7 @@ static const char* name_of(int reading) {
 /** Logs each fault, each failed reading and a law's wait for an index once. */
 static void tell(const truepose_corrector_input* in, int32_t index_known) {
   static const char* const symptoms[] = {"no symptom", "missing", "out of range",
-                                         "too fast",   "stuck",   "disagrees with the others",
-                                         "noisy"};
+                                         "too fast",   "stuck",   "disagrees with the others"};
   static const char* const why[] = {
       "no fault",
       "a reading is no number",

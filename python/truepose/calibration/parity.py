@@ -1,7 +1,6 @@
 """Parity equations: contradictions between readings, with the pose eliminated."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,14 +51,12 @@ def parity(
     poses: ArrayLike,
     level: Level | None = None,
     model_error: bool = True,
-    growth: Sequence[dict[str, float]] = (),
 ) -> Parity:
     """Eliminate the pose from the readings, for χ² tests of the rest.
 
     About the robot's expected geometry, at poses (..., n) and a model level, by default
     :attr:`Robot.highest_level`; with its compliances and conditions at work. `model_error` adds the
-    ideal level's as a constant error of each reading, `growth` modes of the geometry by parameter,
-    three σ each.
+    ideal level's as a constant error of each reading.
     """
     level = robot.highest_level if level is None else level
     uncertain = knowledge.learnable(robot)
@@ -72,10 +69,6 @@ def parity(
     if model_error and level == "ideal" and stated.any():
         fixed = np.broadcast_to(np.diag(stated), (*moved.shape[:-1], len(stated)))
         moved = np.concatenate([moved, fixed], axis=-1)
-    if names := list(dict.fromkeys(name for mode in growth for name in mode)):
-        modes = np.array([[mode.get(name, 0.0) / 3 for mode in growth] for name in names])
-        grown = knowledge.linearized(robot, poses, names, level=level)[1] @ modes
-        moved = np.concatenate([moved, grown], axis=-1)
     sigma = knowledge.reading_sigma(robot)
     Q = np.linalg.qr(H_x / sigma[:, None], mode="complete")[0]
     rows = Q[..., robot.n :].swapaxes(-1, -2)

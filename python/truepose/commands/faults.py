@@ -13,7 +13,6 @@ from truepose.commands import options
 from truepose.commands.where import ConditionsOption, under
 from truepose.faults.isolation import Isolation, isolate
 from truepose.faults.limits import FALSE_ALARM, HOURS, TIMES, Detectability, detectability
-from truepose.faults.monitor import FaultMonitor
 from truepose.faults.undetected import undetected_motors, worst_of
 from truepose.logs.reading import read_poses
 from truepose.robot import Robot, label
@@ -22,7 +21,7 @@ from truepose.show import PRINT, Cell, Table, measured
 from truepose.show.terminal import Format, show
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
-KNOWN_EFFECTS = ("backlash", "eccentricity", "thermal")
+KNOWN_EFFECTS = ("backlash", "eccentricity")
 #: Options of the prediction alone.
 _PREDICTED = ("--poses", "--calibrated", "--plot", "--effects")
 
@@ -44,7 +43,7 @@ def command(
     ),
     effects: str = options.effects_option(
         "none",
-        "Further effects in the readings: all, none, backlash, eccentricity, thermal.",
+        "Further effects in the readings: all, none, backlash, eccentricity.",
         KNOWN_EFFECTS,
     ),
     conditions: ConditionsOption = None,
@@ -88,7 +87,7 @@ def command(
     subject = allowed.allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
-    found = detectability(subject, at, visited, level, false_alarm=false_alarm, effects=allowed)
+    found = detectability(subject, at, visited, level, false_alarm=false_alarm)
     if effects != "none":
         found = replace(found, state=f"{found.state}, effects {effects}")
     # A fault's change of the motors' torques needs dynamics.
@@ -151,12 +150,6 @@ def notes(found: Detectability) -> Iterator[str]:
         f"Confused with: readings whose faults explain a fault of {TIMES:g} times the limit as "
         "well, at most of the poses where it is detected."
     )
-    if found.slow is not None:
-        memory = FaultMonitor.memory
-        yield (
-            f"Slow drift: one that takes longer than {memory / 60:g} minutes for the size detected "
-            "counts as a warm-up, up to this size."
-        )
     every = f"over all {found.detected[..., 0].size} poses"
     for where, groups in (("at any one pose", found.alike_at_rest), (every, found.alike)):
         told = "; ".join(" = ".join(group) for group in groups) or "none"

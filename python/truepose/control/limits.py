@@ -24,7 +24,8 @@ from truepose.show.table import Cell, Table, number
 #: Causes of a stop, by the core's number.
 CAUSES: tuple[str, ...] = _core.stop_causes
 _RUNNING = 1  # state of a guard whose law may act
-_REACTION = 0.010  # s, the core's kReaction
+#: Largest control period of limits, s: the core's reaction time.
+LONGEST_PERIOD = 0.010
 _MOST = {"stop": LONGEST_STOP, "brake": 0.5}  # s
 _SPEEDS = (0.02, 0.1, 0.3, 0.6, 1.0)  # of printed stopping distances, m/s or rad/s
 #: Limit: unit, where q is the reading's unit and t the torque's, and the default's derivation.
@@ -127,7 +128,7 @@ class Limits:
                 f"{robot.name}: motor {motor + 1} has no torque_limit, from which the limits "
                 "follow: add it to the robot file"
             )
-        if status > 0 and motor < 0 and controller.period <= _REACTION:
+        if status > 0 and motor < 0 and controller.period <= LONGEST_PERIOD:
             raise PoseError(f"{robot.name}: limits, at home: {_core.describe(status)}")
         given = [field.name for field in fields(self) if getattr(self, field.name) is not None]
         for name in given:
@@ -282,7 +283,7 @@ class SafetyLimits(Shown):
         raise InputError(
             f"safety: motor {motor + 1}: tracking {at['tracking']:.4g} must be greater than a "
             f"count ({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
-            f"{at['slew']:.4g} at least {2 * core.torque[motor] / _REACTION:.4g}"
+            f"{at['slew']:.4g} at least {2 * core.torque[motor] / LONGEST_PERIOD:.4g}"
         )
 
 
@@ -307,12 +308,14 @@ def not_started(robot: Robot, cause: int) -> PoseError:
     return PoseError(f"{robot.name}: the safety shell does not start: {why}")
 
 
-def stop_text(time: Array, brakes: Array, cause: Array, motor: Array) -> str:
-    """Return when, why and how a safety shell stopped a run; "" if it did not."""
+def stop_text(
+    time: Array, brakes: Array, cause: Array, motor: Array, by: str = "safety shell"
+) -> str:
+    """Return when, why and how a limit stopped a run; "" if none did."""
     rows = np.flatnonzero(cause > 0)
     if not rows.size:
         return ""
     k = rows[0]
     part = f" of motor {motor[k] + 1}" if motor[k] >= 0 else ""
     how = "by brake" if brakes[k] else "along its path"
-    return f"safety shell: {CAUSES[cause[k]]}{part} at {time[k]:.3f} s, stopped {how}"
+    return f"{by}: {CAUSES[cause[k]]}{part} at {time[k]:.3f} s, stopped {how}"

@@ -13,7 +13,6 @@ from truepose.arguments import Array, Level, whole
 from truepose.calibration import bound
 from truepose.calibration.learnt import calibrated
 from truepose.calibration.parity import Parity, detectable, parity, unexplained
-from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot import (
     Law,
@@ -32,8 +31,6 @@ HOURS = 1000.0
 FALSE_ALARM = 1e-3 / (3600 * HOURS)
 #: Factor on the limits of the faults whose confusion with others the table shows.
 TIMES = 1.5
-#: Column of the slow drifts that a warm-up hides.
-SLOW = "slow drift"
 #: Sensitivity of the pose to a reading, per m or rad, below which a law does not use it.
 UNUSED = 1e-9
 
@@ -60,7 +57,6 @@ class Detectability(Shown):
     cross_sensitivity: dict[Law, Array]
     #: law -> (..., m, 2): pose error, m and rad, per 1 m or rad of the reading
     state: str = ""  #: as built or self-calibrated, the level
-    slow: Array | None = None  #: (..., m) slow drift that counts as a warm-up at most
 
     @cached_property
     def isolated(self) -> Array:
@@ -125,7 +121,6 @@ class Detectability(Shown):
             "at the worst pose": detected.max(axis=0),
             "isolated": np.median(isolated, axis=0),
             "jump": np.median(jump, axis=0),
-            **({} if self.slow is None else {SLOW: np.median(self._by_pose(self.slow), axis=0)}),
             f"over {self.moving} poses: detected": self.moving_detected,
             f"over {self.moving} poses: isolated": self.moving_isolated,
         }
@@ -185,7 +180,6 @@ def detectability(
     false_alarm: float | None = None,
     power: float = 0.9,
     moving: int = 100,
-    effects: Effects | None = None,
 ) -> Detectability:
     """Predict the smallest detectable and isolable fault of each reading.
 
@@ -210,8 +204,6 @@ def detectability(
         Probability of detecting the limit.
     moving : int
         Number of the poses, spread evenly, that are read under the fault.
-    effects : Effects, optional
-        Their warm-up, which hides slow drifts (:attr:`Detectability.slow`); by default none.
 
     Raises
     ------
@@ -261,11 +253,6 @@ def detectability(
     # The difference of two readings has the noise of both, and no geometry.
     changed = np.square(found.signature).sum(axis=-2) / 2
     jump = np.minimum(detected, _smallest(detectable(alpha, r, power), changed))
-    slow = None
-    if effects is not None and effects.warm_up:
-        G = parity(model, rows, level, model_error, effects.growth(robot)).at_rest()
-        size = np.square(G).sum(axis=-2)
-        slow = _smallest(detectable(alpha, r, power), size).reshape(*lead, m)
 
     some = np.unique(np.linspace(0, len(rows) - 1, moving).round().astype(int))
     information = Parity(found.signature[some], found.geometry[some]).information()
@@ -284,7 +271,6 @@ def detectability(
         _smallest(one, unexplained(information).min(axis=-1)),
         _leakage(model, rows, lead, level, model_error),
         f"{bound.state_of(calibrated_on, None)}, {level} level",
-        slow,
     )
 
 

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, moved
-from truepose.arguments import Array, finite, positive, require_or_none, whole
+from truepose.arguments import Array, positive, require_or_none, whole
 from truepose.control import delays
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
+from truepose.control.limits import LONGEST_PERIOD, Limits
 from truepose.exceptions import InputError
 from truepose.robot import Robot, as_rows, knowledge, members, samples_or_home
+from truepose.robotfile.schema import Conditions
 from truepose.show import Cell, Shown, Table, lines
 
 #: Health of a reading, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
@@ -31,12 +33,14 @@ _COUNTS, _SIGMAS = 8, 6
 _AWAY = 1.5
 #: Largest torque rms over the limit of a motor on its virtual reading: it saturates at 5 σ.
 _SHAKES = 0.2
+#: Parts that a warm-up expands; σ of their differences over it (assumed: h4's file has 3 of 20 K).
+_GROWS, _GRADIENT = ("base", "arm", "rod"), 0.15
 #: Torque rms in motion over its limit (assumed), for the arms' deflection.
 _TORQUE = 0.25
 #: Tolerance of a motor's reading beyond its stops, rad or m.
 _BEYOND = 0.05
 #: Settings that are the core's of the same names.
-_OWN = ("coast", "spikes", "within", "decide", "replaceable", "memory", "stop", "stop_lost")
+_OWN = ("coast", "spikes", "within", "decide", "replaceable", "stop", "stop_lost")
 
 
 @runtime_checkable
@@ -47,7 +51,11 @@ class Supervising(Protocol):
         """Return the supervisor of one run; None: this robot can have none."""
 
 
-@moved.without(carry="forces=truepose_safety.MomentumObserver(carry=True)")
+@moved.without(
+    carry="forces=truepose_safety.MomentumObserver(carry=True)",
+    warm_up="warm_up of [conditions] in the robot file",
+    memory="warm_up of [conditions] in the robot file",
+)
 @dataclass(frozen=True, kw_only=True)
 class FaultMonitor:
     """A monitor of all readings that stops the robot where one of them is faulty.
@@ -76,16 +84,10 @@ class FaultMonitor:
         assumed). The brake stops that motor; the others leave the path as far as they move on.
     replaceable : float
         Largest σ of a motor's virtual reading from the sensors, rad or m.
-    warm_up : float, optional
-        Rise of temperature that is a state, not a fault, K; by default that of the effects, without
-        effects 0. Base, arms and rods expand as in the effects (default: :class:`Effects`).
-    memory : float
-        Time over which growth is averaged, s. A drift counts as a warm-up if it stays below its
-        level test's threshold within this time.
     effects : Effects, optional
         Effects of a healthy robot to be tolerated: backlash and eccentric encoders
-        (:meth:`Effects.allowed_for`; a calibrated robot already allows for them), and the arms'
-        deflection under the motor torques.
+        (:meth:`Effects.allowed_for`; a calibrated robot already allows for them), the arms'
+        deflection under the motor torques, and, without ``[conditions]`` in the file, the warm-up.
     forces : Supervising, optional
         Observer of external forces, by which payloads, friction and contacts are named and no
         reading is blamed for them; none by default. ``truepose_safety.MomentumObserver(…)``.
@@ -111,26 +113,24 @@ class FaultMonitor:
     stop: float = 0.15
     stop_lost: float = 0.04
     replaceable: float = 3e-3
-    warm_up: float | None = None
-    memory: float = 600.0
     effects: Effects | None = None
     forces: Supervising | None = None
 
     def __post_init__(self) -> None:
-        for name in ("false_alarms", "replaceable", "memory"):
+        for name in ("false_alarms", "replaceable"):
             positive(name, getattr(self, name))
         for name in ("stop", "stop_lost"):
             positive(name, getattr(self, name), " (s)", LONGEST_STOP)
         for name, most in (("coast", 1000), ("spikes", 8), ("within", 10**6), ("decide", 10**4)):
             whole(name, getattr(self, name), 1, most)
-        if self.warm_up is not None:
-            finite("warm_up", self.warm_up, 0, " (K)")
         require_or_none(self.effects, Effects, "effects", "truepose.Effects(…)")
         made_by = "truepose_safety.MomentumObserver(…), or None"
         require_or_none(self.forces, Supervising, "forces", made_by)
 
-    def setup(self, robot: Robot, controller: Controller) -> _core.FaultTolerantSetup:
-        """Return the core's setup."""
+    def setup(
+        self, robot: Robot, controller: Controller, limited: bool = False
+    ) -> _core.FaultTolerantSetup:
+        """Return the core's setup; `limited`: no safety shell checks limits of the cycle."""
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:
             raise InputError(
@@ -148,16 +148,14 @@ class FaultMonitor:
         monitor.rests, monitor.shaken = rests, _shaken(robot, controller)
         monitor.fastest, monitor.moved = _fastest(finest), moved
         monitor.low, monitor.high = _range(robot)
-        effects, warm_up = self.effects or Effects(), self.warm_up
-        if warm_up is None:
-            warm_up = self.effects.warm_up if self.effects else 0.0
-        rates = effects.base_expansion, effects.arm_expansion, effects.rod_expansion
-        monitor.growth = [warm_up * rate for rate in rates]  # of base, arms, rods: shares
         start = controller.settings(robot, robot.home)
         forces = None if self.forces is None else self.forces.supervisor(robot, start)
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.in_control(yields), delays.settings(robot, controller.period)
-        return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow)
+        limits = None
+        if limited and _limits(robot).all() and controller.period <= LONGEST_PERIOD:
+            limits = Limits(effects=self.effects).limits(robot, controller).core
+        return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow, limits)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
@@ -209,7 +207,6 @@ class Review(Shown):
     freedom: Array  #: (N,) its degrees of freedom
     doubted: Array  #: (N,) int, candidates for the faulty reading, as bits
     undecided: Array  #: (N,) bool: it cannot be isolated
-    warm: Array  #: (N,) bool: only a warm-up explains the readings
     status: Array  #: (N,) int
 
     @property
@@ -245,8 +242,7 @@ class Review(Shown):
 
     def _why(self, c: int, k: int) -> str:
         """Return why a reading is not valid in row k: without an own symptom, it is doubted."""
-        own = SYMPTOMS[self.symptom[k, c]]
-        return "disagrees" if own in ("", "noisy") else own
+        return SYMPTOMS[self.symptom[k, c]] or "disagrees"
 
     def _draw(self, figure: Any) -> None:
         level = self.chi2 / np.maximum(self.freedom, 1)
@@ -293,7 +289,7 @@ def _fastest(robot: Robot) -> Array:
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
-    """Return the robot with the deflection of arms and legs as noise of the motors' readings."""
+    """Return the robot with the arms' and legs' deflection as motor noise, and the warm-up."""
     if robot.spec.calibration is None:
         robot = effects.allowed_for(robot)
     chains = list(robot.spec.chain)
@@ -306,7 +302,12 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
             noise = math.hypot(chain.encoder_noise, sigma)
             chains[k] = chain.model_copy(update={"encoder_noise": noise})
     values = {name: p.value for name, p in robot.parameters.items()}
-    return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
+    warm = robot.spec.conditions
+    if warm is None and effects.warm_up:
+        rates = {f"{part}_expansion": getattr(effects, f"{part}_expansion") for part in _GROWS}
+        warm = Conditions(warm_up=effects.warm_up, gradient=_GRADIENT * effects.warm_up, **rates)
+    update = {"chain": tuple(chains), "conditions": warm}
+    return Robot(robot.spec.model_copy(update=update), values)
 
 
 def _moved(

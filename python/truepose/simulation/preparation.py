@@ -70,7 +70,7 @@ def prepare(
     if callable(controller.law):
         at_rest = steady_state(robot, truth, rows, controller, gravity=loaded, start=start)
     filtered = None if learn is None else learn._filter
-    fault_setup = None if monitor is None else monitor.setup(robot, controller)
+    fault_setup = None if monitor is None else monitor.setup(robot, controller, run.safety is None)
     slow = delays.lateness(robot, truth, controller.period)
     events = events_of(truth, run.disturbances)
     limits = None if run.safety is None else run.safety.limits(robot, controller)

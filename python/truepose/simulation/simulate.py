@@ -75,7 +75,6 @@ class Simulation(Shown):
     disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
     external_force: Array  #: (T, n) on the platform's coordinates, N and N·m, as observed
     payload_refused: Array  #: (T,) bool: the payload is too heavy for the motors
-    warm: Array  #: (T,) bool: only a warm-up explains the readings, by the monitor
     safety_state: Array  #: (T,) int, index in `truepose_safety.STATES`; -1 without a safety shell
     stop_cause: Array  #: (T,) int, index in `control.limits.CAUSES`, of the first violation
     stop_motor: Array  #: (T,) int, its motor from 0, or -1
@@ -153,7 +152,8 @@ class Simulation(Shown):
         """
         if self.ended:
             return self.ended
-        if said := stop_text(self.time, self.brakes, self.stop_cause, self.stop_motor):
+        by = "safety shell" if (self.safety_state >= 0).any() else "limits"
+        if said := stop_text(self.time, self.brakes, self.stop_cause, self.stop_motor, by):
             return said
         if said := failures(self.robot, self.time, self.health, self.symptom, self.stops):
             return said

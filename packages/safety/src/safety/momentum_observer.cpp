@@ -245,9 +245,7 @@ void observe_forces(const Robot& robot, const MomentumSettings& settings, Real p
                     const Joint& torque, FaultMonitor& monitor, MomentumObserver& state) {
   const int n = robot.motors;
   bool observed = moves;
-  for (int i = 0; i < n; ++i)
-    observed =
-        observed && monitor.reading[i].health == Health::valid && !monitor.reading[i].noise.noisy();
+  for (int i = 0; i < n; ++i) observed = observed && monitor.reading[i].health == Health::valid;
   if (!observed) {
     state = {};
   } else {  // the observer takes several periods as one, and works in each of them

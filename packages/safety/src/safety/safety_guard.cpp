@@ -11,8 +11,8 @@ void complete(int n, const Setpoint& setpoint, const Extended& q_e, Outcome answ
     std::uint32_t stuck = 0;
     for (int i = 0; i < n; ++i) {
       const MonitoredReading& motor = monitor->reading[i];
-      if (motor.health == Health::failed || motor.bridged > 0) cycle.unused |= bit(i);
-      if (monitor->doubted & bit(i) && motor.still >= kStill && motor.seems != 0) stuck |= bit(i);
+      if (motor.health == Health::failed || motor.extrapolated.cycles > 0) cycle.unused |= bit(i);
+      if (monitor->doubted & bit(i) && motor.standstill.feigns()) stuck |= bit(i);
     }
     cycle.unused |= monitor->held;
     cycle.suspected = cycle.unused | stuck | (monitor->lost & (bit(n) - 1));

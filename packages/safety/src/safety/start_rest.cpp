@@ -32,9 +32,7 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   ReadingCovariance V;
   parity.covariance(robot.r, noise, geometry, 1, V);
   if (!V.factor(robot.r)) return INFINITY;
-  std::array<Real, kMaxSensors + 1> none{};
-  none.fill(INFINITY);
   pose = parity.pose;
-  return truepose::parity_verdict(parity, none, V, parity.value, robot.r, 0, 0).chi2;
+  return chi_squared(V, robot.r, parity.value);
 }
 }  // namespace truepose::start_detail

@@ -235,8 +235,8 @@ TEST("of motors that may be faulty only one that stands still off its setpoint i
   SafetyCycle plausible, stuck;
   complete(2, {}, {}, {}, {}, &monitor, plausible);
   CHECK(plausible.disagree && !plausible.lost && plausible.suspected == 0);
-  monitor.reading[1].still = kStill;
-  monitor.reading[1].seems = 1e-3;
+  monitor.reading[1].standstill.cycles = kStill;
+  monitor.reading[1].standstill.driven.error = 1e-3;
   complete(2, {}, {}, {}, {}, &monitor, stuck);
   CHECK(!stuck.disagree && stuck.lost && stuck.suspected == 2);
 }

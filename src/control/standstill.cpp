@@ -1,0 +1,89 @@
+// Stuck readings: unchanged counts while the model moves.
+//
+// A frozen encoder drives its motor away (driven_way.hpp).
+#include "control/monitored_cycle.hpp"
+
+namespace truepose::fault_monitor_detail {
+namespace {
+constexpr int kLongest = 1000;  ///< cycles, counted at most
+/// Share of `moved` by which the setpoint must have left a reading that stands still.
+constexpr Real kLed = 0.2;
+/// σ by which a motor may deviate from its usual following error: one that oscillates about its
+/// path, for example by a law with a delayed sensor, stands still at its turning points.
+constexpr Real kDeviates = 8;
+/// Log odds of a motor that stands against a frozen encoder from which on it is held: 1 in 150.
+constexpr Real kHeld = 5;
+}  // namespace
+
+Real MonitoredCycle::tolerated_motion(int c, Real share) const {
+  const MonitoredReading& reading = monitor.reading[c];
+  return std::max(share * settings.moved[c], kDeviates * std::sqrt(reading.following.variance)) +
+         2 * reading.standstill.forced_error;
+}
+
+Real MonitoredCycle::setpoint(int c) const {
+  if (c < n) return desired[c] + monitor.led[c];
+  Real value = parity.expected[c];
+  for (int j = 0; j < n; ++j) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
+  return number(value) ? value : monitor.reading[c].standstill.driven.from;
+}
+
+Real MonitoredCycle::model_motion(int c, Real way) const {
+  const MonitoredReading& reading = monitor.reading[c];
+  const Standstill& still = reading.standstill;
+  const Real by = model(c) - still.model + way, side = std::copysign(Real(1), by);
+  // A law that holds a platform moves its motors where one of them drifts, and a sensor stands at
+  // its setpoint; where a sensor is wrong, a motor that the law leads against its setpoint turns
+  // back. Only what the setpoint has left counts; off q_d both of its measures are approximate.
+  Real led = side * (setpoint(c) - still.driven.from + way);
+  if (c >= n) led = std::min(led, side * still.setpoint_motion);
+  if (!(led > kLed * settings.moved[c])) return 0;
+  // Motion of a motor towards its setpoint does not count.
+  return std::min(std::fabs(by), std::fabs(by + reading.following.deviation)) -
+         settings.sigmas * parity.expectation_noise(noise, c);
+}
+
+bool MonitoredCycle::motor_stands(int c, Real moved) const {
+  ReadingCovariance V;
+  if (c >= n || r == 0 || !monitor.known || !monitor.placed || !covariance(1, 1, V)) return false;
+  Reading g = parity.signature(r, c), y = parity.value;
+  V.whiten(r, g.data(), 1);
+  V.whiten(r, y.data(), 1);
+  // Log odds of the error -moved against none.
+  return sum_of(r, [&](int k) { return -moved * g[k] * (y[k] + Real{0.5} * moved * g[k]); }) <
+         -kHeld;
+}
+
+void MonitoredCycle::update_standstill(int c, bool judged) {
+  MonitoredReading& reading = monitor.reading[c];
+  Standstill& still = reading.standstill;
+  // Setpoints are known from the second cycle on.
+  if (raw(c) != still.reading || monitor.cycle - monitor.began < 2) {
+    const bool known = c < n || monitor.placed;
+    const Real from = known ? setpoint(c) : still.driven.from;
+    still = {raw(c), known ? model(c) : still.model};
+    still.driven.from = from;
+    still.forced_error = c < n ? monitor.pushed[c] : 0;
+    return;
+  }
+  still.cycles = std::min(still.cycles + 1, kLongest);  // a robot may stand still for months
+  for (int j = 0; c >= n && monitor.placed && j < n; ++j) {
+    const Real by = parity.g[c - n][j] * (desired[j] - monitor.desired[j]);
+    still.setpoint_motion += number(by) ? by : 0;
+  }
+  if (c < n && !still.stuck)
+    still.driven.advance(settings.period, settings.kp[c], settings.kd[c], setpoint(c), 0,
+                         settings.rests[c] + 2 * still.forced_error);
+  if (!judged) return;
+  const Real share = monitor.undecided ? 3 : 1;
+  if (!(model_motion(c, still.driven.way) > tolerated_motion(c, share)) &&
+      (monitor.undecided || !(std::fabs(still.driven.way) > tolerated_motion(c, kStoodBy))))
+    return;
+  if (motor_stands(c, model(c) - still.model + still.driven.way)) return;
+  still.stuck = true;
+  reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
+  if (!delayed(c) && !monitor.undecided) return;
+  reading.health = Health::failed;
+  reading.symptom = Symptom::stuck;
+}
+}  // namespace truepose::fault_monitor_detail

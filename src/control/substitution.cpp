@@ -1,0 +1,109 @@
+// Substitutes for excluded readings, and the geometry's part of the parity.
+#include "control/monitored_cycle.hpp"
+
+namespace truepose::fault_monitor_detail {
+void MonitoredCycle::exclude(int c) {
+  const Reading g = parity.signature(r, c);
+  Real size = 0, known = 0;
+  for (int k = 0; k < r; ++k) {
+    size += g[k] * g[k];
+    known += noise[n + k] + monitor.geometry[k][k];
+    for (int j = 0; j < n; ++j) known += parity.g[k][j] * parity.g[k][j] * noise[j];
+  }
+  if (!(size > 0 && known > 0)) return;
+  unknown[c] = kUnknown * known / size;
+  ++left_out;
+}
+
+bool MonitoredCycle::replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
+                                 const ReadingCovariance& own) const {
+  if (!(left < settings.replaceable * settings.replaceable)) return false;
+  const Real most = settings.shaken[c];
+  if (!(most > 0)) return true;
+  V.colour(r, g.data());
+  Real sum = 0;
+  for (int k = 0; k < r; ++k)
+    for (int l = 0; l < r; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
+  return unknown[c] * unknown[c] * sum < most * most;
+}
+
+Real MonitoredCycle::extrapolated_error(int c) {
+  FollowingError& error = monitor.reading[c].following;
+  if (!monitor.reading[c].standstill.stuck) return error.now;
+  const Real T = settings.period;
+  error.led_out.rate =
+      (error.led_out.rate - T * settings.kp[c] * error.led_out.value) / (1 + T * settings.kd[c]);
+  return error.led_out.value = error.led_out.predicted(T);
+}
+
+void MonitoredCycle::substitute() {
+  ReadingCovariance V, own;
+  const bool regular = r > 0 && covariance(1, 1, V);
+  Reading y = parity.value;
+  if (regular) {
+    parity.covariance(r, noise, monitor.geometry, 0, own);
+    V.whiten(r, y.data(), 1);
+  }
+  Coordinates step{};
+  for (int c = 0; c < rows; ++c) {
+    if (!(without & bit(c))) continue;
+    MonitoredReading& reading = monitor.reading[c];
+    const bool failed = reading.health == Health::failed, motor = c < n;
+    Reading g = parity.signature(r, c);
+    if (regular) V.whiten(r, g.data(), 1);
+    const Real b = unknown[c] * sum_of(r, [&](int k) { return g[k] * y[k]; });
+    const Real information = sum_of(r, [&](int k) { return g[k] * g[k]; });
+    const Real left = unknown[c] * (1 - unknown[c] * information);  // variance of b̂
+    const bool known = regular && unknown[c] > 0 && left < 0.5 * unknown[c] && number(b);
+    // A lost motor stays lost: its brake is closing.
+    if (known && !(monitor.lost & bit(c)) && (failed || (motor && reading.standstill.stuck)) &&
+        (!motor || replaceable(c, left, g, V, own))) {
+      replaced |= bit(c);
+      believed[c] -= b;
+      for (int i = 0; motor && i < dof(robot.mobility); ++i)
+        step[i] -= parity.jacobians.J[i][c] * b;
+    } else if (motor && failed) {
+      monitor.lost |= bit(c);
+      believed[c] = desired[c];  // the motor's error is 0
+    } else if (motor) {
+      believed[c] = std::isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
+                                              : reading.track.predicted(settings.period);
+    } else if (failed) {
+      believed[c] = model(c);  // as far as the motors determine it
+    } else {                   // follows the motors
+      const bool follows = delayed(c) || !(without & (bit(n) - 1));
+      believed[c] = follows ? parity.read[c] - parity.value[c - n] +
+                                  monitor.parity[c - n].predicted(settings.period)
+                            : reading.track.predicted(settings.period);
+    }
+  }
+  parity.pose = moved(robot.mobility, parity.pose, step);
+}
+
+void MonitoredCycle::refresh() {
+  for (int i = 0; i < dof(robot.mobility); ++i) monitor.way += std::fabs(monitor.motion[i]);
+  // Not in the first cycle, which searches the pose.
+  const bool due = (monitor.cycle + settings.refresh - 1) % settings.refresh == 0;
+  if (!due && !(monitor.way > kSamePlace * settings.correlation)) return;
+  monitor.way = 0;
+  const Knowledge& known = *weighing.known;
+  Real *PH = weighing.work, *B = PH + rows * parameter_count(robot);
+  Extended beyond;
+  monitor.known = bool(geometry_at(robot, parity, monitor.pose, PH, beyond, monitor.rest));
+  if (!monitor.known) return;
+  parity.open(robot, known, PH, B);
+  for (int k = 0; k < r; ++k)
+    for (int l = 0; l <= k; ++l)
+      monitor.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
+  for (int k = 0; k < r; ++k) {
+    Real more = beyond[n + k] - monitor.beyond[n + k];
+    for (int j = 0; j < n; ++j) more -= parity.g[k][j] * (beyond[j] - monitor.beyond[j]);
+    if (!number(more)) continue;  // the parity's tracker must not see a change,
+    monitor.parity[k].value -= more;
+    monitor.usual[k] -= more;
+    monitor.reading[n + k].standstill.model += more;  // nor a sensor that stands still a motion
+    monitor.reading[n + k].standstill.driven.from += more;
+  }
+  monitor.beyond = beyond;
+}
+}  // namespace truepose::fault_monitor_detail
