@@ -354,7 +354,7 @@ class Calibrator {
 
   void finish(Iterate& at) {
     believe(at.u);
-    if (settings_.rows && result_.outcome) tabulate(at);
+    if (settings_.rows) tabulate(at);
     result_.cost = at.cost(loss_);
     result_.u = at.u;
     result_.pose = at.pose;

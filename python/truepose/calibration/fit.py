@@ -28,6 +28,7 @@ class LogRows(NamedTuple):
     D: Array  #: (M, n + r) by an error d of each reading, in its σ
     line: Array  #: (M,) row of the log; -1: of a difference between rows
     geometry: Array  #: (p,) columns of the parameters
+    acting: Array  #: columns of the influences
 
 
 @dataclass(frozen=True, repr=False)

@@ -123,7 +123,8 @@ def _fit_upright(problem: Problem) -> Calibration:
                 problem.keeps_rows,
             )
         )
-        _require_found(robot, answer, options.loss, lines.known)
+        if not (problem.keeps_rows and len(answer.rows[1])):
+            _require_found(robot, answer, options.loss, lines.known)
         sigmas = sigmas_of(answer.covariance)
         stretched = stretching.learnt(answer.amounts[k:], sigmas[last])
         covariance = answer.covariance[np.ix_(geometry, geometry)]
@@ -162,7 +163,7 @@ def _fit_upright(problem: Problem) -> Calibration:
         differences=found,
         influences={of.name: of.learnt(amount, s) for of, amount, s in amounts},
         beside=answer.covariance[np.ix_(others, np.concatenate([geometry, others]))],
-        rows=LogRows(*answer.rows, geometry) if problem.keeps_rows else None,
+        rows=LogRows(*answer.rows, geometry, acted) if problem.keeps_rows else None,
     )
     notes = [*lines.notes, *(found.doubt if found else ()), *_contradictions(fit, lines)]
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
