@@ -53,6 +53,8 @@ class Hypothesis:
     wide: Mapping[str, float] = field(default_factory=dict)  #: σ of parameters, beside their own
     size: Size | None = None
     log_odds: float = LN_RATE  #: of it before any reading, against no mistake
+    #: log of the density of the log's readings over that of the undone ones
+    density: float = 0.0
     first: Hypothesis | None = None  #: another mistake, undone before
     kind: str = ""  #: of the table of causes
     #: factor and shift of the undone readings, (n + r,), that the machine keeps, by the amount
@@ -216,10 +218,12 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     """
     after, prior = (np.linalg.slogdet(of)[1] for of in (fit.joint_covariance, joint_prior(fit)))
     cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.m * lost(fit)
-    density = 0.0  # of readings, over that of the scaled ones
+    density = 0.0
     for mistake in of.each:
+        own = mistake.density
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
-            density -= mistake.size.gain * math.log(abs(found[0]))
+            own -= mistake.size.gain * math.log(abs(found[0]))
+        density += own * len(fit.x) / len(mistake.log.readings)  # fitted to some rows
     if of.registration and (by := fit.registration) is not None:  # which no other hypothesis has
         own = by.covariance - by.cross.T @ np.linalg.solve(fit.covariance, by.cross)
         free = by.sigma > 0

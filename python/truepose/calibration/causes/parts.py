@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from truepose.robot import Robot, knowledge, lean, reading_units
 EXACT = {"m": 1e-3, "rad": 0.01}
 #: σ of a lean, rad; of load times compliance, 1 (assumed).
 LEAN, LOAD = 0.05, 1e-3
+#: Fits that find a lean before the last one.
+AGAIN = 2
 #: Factors by which tolerances, or all sensors' noise, may be too small.
 FACTORS = (2.0, 4.0, 8.0, 30.0)
 
@@ -104,7 +107,8 @@ def noise(case: Case) -> Iterator[Hypothesis]:
         robot=robot.with_each(
             "chain" if robot.spec.chain else "motor", lambda _: {"encoder_noise": next(motors)}
         ).with_each("sensor", lambda of: {"noise": used.get(of.name, of.noise)}),
-        log_odds=LN_RATE - math.log(len(FACTORS)) - float(read) * math.log(factor),
+        log_odds=LN_RATE - math.log(len(FACTORS)),
+        density=-float(read) * math.log(factor),
     )
 
 
@@ -122,22 +126,33 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
     if not lean.gravity_referred(robot).any():
         return
     x = poses_of(robot, case.log.readings[:, : robot.m])
-    leans, implied = np.zeros((len(x), 2)), np.zeros(x.shape, dtype=bool)
-    by = lean.effect(robot, x, leans, implied).inclination
-    for k, axis in enumerate(lean.axes(robot)):
-        if np.abs(by[:, :, k]).max(initial=0) < 1e-3:
+    for axis in range(2):
+        of = _leaning(case, x, axis, 0.0)
+        if np.abs(np.asarray(of.influences[0].pattern)).max(initial=0) < 1e-3:
             continue
-        text = f"base or shank leans about {'xyz'[axis]} by"
-        yield case.with_pattern(
-            by[:, :, k],
-            LEAN,
-            text=text,
-            size=Size("rad"),
-            leans=lambda robot, amount, k=k: _leant(robot, amount * np.eye(2)[k]),
-        )
+        for _ in range(AGAIN):  # about the lean that was found
+            if (fit := case.fit(of)) is None or (size := of.measured(fit)) is None:
+                break
+            of = _leaning(case, x, axis, size[0])
+        yield of
 
 
-def _leant(robot: Robot, by: Array) -> Robot:
+def _leaning(case: Case, x: Array, axis: int, begun: float) -> Hypothesis:
+    """Return a lean about an axis, linearised about one."""
+    robot, one = case.robot, np.eye(2)[axis]
+    leans, implied = np.tile(begun * one, (len(x), 1)), np.zeros(x.shape, dtype=bool)
+    of = case.with_pattern(
+        lean.effect(robot.expected(), x, leans, implied).inclination[:, :, axis],
+        LEAN,
+        text=f"base or shank leans about {'xyz'[lean.axes(robot)[axis]]} by",
+        size=Size("rad"),
+        leans=lambda robot, amount: leant(robot, (begun + amount) * one),
+    )
+    moved = replace(of.influences[-1], amount=(-begun, LEAN))
+    return replace(of, robot=leant(robot, begun * one), influences=(moved,))
+
+
+def leant(robot: Robot, by: Array) -> Robot:
     """Return the robot whose base leans, (2,): under the gravity that its inclinometers see."""
     size = float(np.linalg.norm(robot.spec.gravity))
     return robot.with_gravity(tuple((-size * lean.vertical(robot, by)).tolist()))

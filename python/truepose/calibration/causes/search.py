@@ -332,7 +332,7 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
         far = float(off.mean()) if off.size else 30 * float(np.isnan(x).any(axis=1).mean())
         if log.measured is not None:
             far += outside.View(case.under(of).only(rows)).distance(log.measured)
-        result[k] = far * count - of.log_odds
+        result[k] = far * count - of.log_odds - of.density
     return result
 
 
