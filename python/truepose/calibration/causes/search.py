@@ -325,7 +325,7 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
         model = usual if of.robot is case.robot else of.robot.expected()
         log = of.log.only(rows)
         x = poses_of(model, log.readings[:, :n])
-        expected = model.extended_positions(x, errors="nan")
+        expected = _core.extended(model.stiff.core, x, False)[0]
         off = _core.innovation(model.core, log.readings, expected)[0][:, n:]
         each = np.log1p((off / sigma) ** 2)
         off = np.where(np.isfinite(each), each, 30.0)[np.isfinite(log.readings[:, n:])]
