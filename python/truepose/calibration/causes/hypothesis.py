@@ -220,10 +220,10 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.m * lost(fit)
     density = 0.0
     for mistake in of.each:
-        own = mistake.density
+        part = mistake.density
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
-            own -= mistake.size.gain * math.log(abs(found[0]))
-        density += own * len(fit.x) / len(mistake.log.readings)  # fitted to some rows
+            part -= mistake.size.gain * math.log(abs(found[0]))
+        density += part * len(fit.x) / len(mistake.log.readings)  # fitted to some rows
     if of.registration and (by := fit.registration) is not None:  # which no other hypothesis has
         own = by.covariance - by.cross.T @ np.linalg.solve(fit.covariance, by.cross)
         free = by.sigma > 0

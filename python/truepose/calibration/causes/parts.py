@@ -130,9 +130,11 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
         of = _leaning(case, x, axis, 0.0)
         if np.abs(np.asarray(of.influences[0].pattern)).max(initial=0) < 1e-3:
             continue
-        by = case.linear and case.linear.columns(of)
-        none, seen = (0.0, 1.0) if by is None else case.linear.weigh([by])[0]
-        for _ in range(AGAIN * (seen > none)):  # about the lean that was found
+        by = case.linear.columns(of) if case.linear else None
+        less = (
+            case.linear is not None and by is not None and np.diff(case.linear.weigh([by]))[0] < 0
+        )
+        for _ in range(0 if less else AGAIN):  # about the lean that was found
             if (fit := case.fit(of)) is None or (size := of.measured(fit)) is None:
                 break
             of = _leaning(case, x, axis, size[0])

@@ -1,4 +1,4 @@
-"""Search for the cause that explains a log: wrong parts, columns, rows, parts."""
+"""Search for the cause that explains a log: a wrong part, a mistake in columns or rows."""
 
 from __future__ import annotations
 
@@ -134,8 +134,8 @@ def search(
         # No mistake has no fit; but two mistakes explain any few rows.
         few = len(np.unique(case.log.readings, axis=0)) <= case.log.readings.shape[1]
         least = DECISIVE if begun or few else -math.inf
-        likely = [each for each in found if not vague(each) and each.log_odds > least]
-        for after in (case.under(each.of) for each in likely[:SECOND]):
+        causing = [each for each in found if not vague(each) and each.log_odds > least]
+        for after in (case.under(each.of) for each in causing[:SECOND]):
             found += explained([after.beside(of) for of in _tried(after)[0]], QUICK)
         found = _once(found)
     if some is not None:  # the most probable ones by every row
@@ -205,7 +205,8 @@ def _over_persisting(case: Case, of: Hypothesis, slip: Hypothesis, rows: Array |
     The slip is a mistake of `of`; the largest marginal likelihoods of both are compared.
     """
     fit = replace(case, keeps_rows=True).fit(of, rows)
-    assert fit is not None and fit.rows is not None
+    if fit is None or fit.rows is None:
+        return math.inf
     B, y, D, line, _, acting = fit.rows
     own = acting[list(fit.influences).index(slip.influences[-1].name)]
     ways = [(1.0, 0.0, 0.0), *((1.0, *of) for of in itertools.product(CORRELATIONS, PERSISTING))]
@@ -282,7 +283,7 @@ def _tried(case: Case) -> tuple[list[Hypothesis], list[Hypothesis]]:
         every = [of for of in every if of.kind not in VAGUE]
     always = [of for of in every if of.kind in ALWAYS]
     every, linear = [of for of in every if of.kind not in ALWAYS], case.linear
-    columns = [linear and linear.columns(of) for of in every]
+    columns = [linear.columns(of) if linear else None for of in every]
     first = [of for of, by in zip(every, columns, strict=True) if by is not None]
     odds = np.zeros(0)
     if linear is not None and first:
