@@ -140,6 +140,16 @@ def test_gross_errors_of_a_tracker_are_found_by_row(h4_z):
     assert ((fit.redundancy > 0) == ~np.isin(np.arange(POSES), bad)).all()
 
 
+def test_a_slip_is_found_beside_a_known_pose_or_a_distance(h4_z):
+    x, rows, _ = read(h4_z)
+    slipped(rows)
+    far = float(np.linalg.norm(x[0, :3] - x[1, :3]))
+    distance = tp.calibration.DistanceMeasurements(pairs=[(0, 1)], measured=[far], sigma=1e-4)
+    for more in ({"known_pose": (rows[3], x[3])}, {"differences": [distance]}):
+        with refused("q1: slipped before row 31, by -1.7"):
+            tp.calibrate(h4_z, rows, **more)
+
+
 TWO = [
     (exchanged, "q1 and q3: swapped", "q2: homed off by 5."),
     (gross, "gross errors in 20 of 60 rows", "q2: homed off by 5."),

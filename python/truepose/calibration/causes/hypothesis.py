@@ -188,8 +188,13 @@ class Linear:
         if (self.rows.line < 0).any():
             return None
         last = of.influences[-1]
-        P = np.asarray(last.pattern)[self.rows.line] / self.sigma
+        P = self.by_row(np.asarray(last.pattern)) / self.sigma
         return np.asarray((self.rows.D * P).sum(axis=1, keepdims=True) * last.amount[1])
+
+    def by_row(self, values: Array) -> Array:
+        """Return the log's values, (N, …), for these rows; 0 for a known pose or a difference."""
+        ended = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
+        return np.asarray(ended[np.minimum(self.rows.line, len(values))])
 
     def weigh(self, columns: Sequence[Array], ordinary: Array = ALONE) -> Array:
         """Return log marginal likelihoods, (A, 1 + H): of nothing, then of each hypothesis."""

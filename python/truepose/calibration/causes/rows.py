@@ -110,11 +110,11 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     read = np.ma.masked_invalid(case.log.readings)
     spans = np.ma.ptp(read, axis=0).filled(0.0)
     rows, units = linear.rows, reading_units(case.robot)
-    own = rows.line >= 0
+    after = linear.by_row(masks.T).T
     for which in alone_and_alike(case.robot):
         amount = max(float(spans[list(which)].max()) / 5, 1e-6)
-        d = (rows.D / linear.sigma)[:, list(which)].sum(axis=1) * own * amount
-        found = linear.weigh(list((masks[:, rows.line] * d)[..., None]))[0, 1:]
+        d = (rows.D / linear.sigma)[:, list(which)].sum(axis=1) * amount
+        found = linear.weigh(list((after * d)[..., None]))[0, 1:]
         best = int(np.argmax(found))
         pattern = np.outer(masks[best], np.isin(np.arange(len(case.log.names)), which))
         size = Size(units[which[0]])
