@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -159,7 +160,7 @@ class Case(Problem):
         fit = None
         for steps in (LINEAR, 0):  # on the way a geometry may be none
             near = replace(self, robot=probed, options=options, keeps_rows=True, iterations=steps)
-            with contextlib.suppress(TrueposeError):
+            with contextlib.suppress(TrueposeError), warnings.catch_warnings(action="ignore"):
                 fit = fit or fit_to(near)
         if fit is None or fit.rows is None:
             return None
