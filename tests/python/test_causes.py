@@ -239,6 +239,18 @@ def test_causes_that_no_pose_of_the_log_separates_are_all_named():
     assert found.separating.shape == (4,) and "separate them" in found.text
 
 
+@pytest.mark.parametrize("poses", [14, 240])
+def test_a_good_log_with_half_more_noise_than_stated_is_not_refused(poses):
+    """Few poses tell too little to be refused; of many some are searched."""
+    robot = tp.load("3prs")
+    for seed in range(3):
+        x = drawn_poses(robot, poses, seed)
+        rows = robot.sample(seed).extended_positions(x, level="full")
+        rows += 1.5 * robot.reading_sigma * np.random.default_rng(seed).normal(size=rows.shape)
+        fit = tp.calibrate(robot, rows)
+        assert fit.causes.verdict in ("none", "unexplained")
+
+
 @pytest.fixture(scope="module")
 def noisy(h4_z):
     """Poses and readings with five times the stated noise."""

@@ -42,8 +42,9 @@ from truepose.robot import Payloads, Robot, require_robot
 NOTABLE = 1.2
 #: Share of outliers below which a robust fit asks for no cause.
 OUTLIERS = 0.1
-#: Disagreement of readings, in units of their noise, from which an unexplained fit is refused.
-APART = 10.0
+#: Disagreement of readings, in units of their noise, from which an unexplained fit is refused;
+#: below which it is that of a healthy robot, whose noise is not known better.
+APART, HEALTHY = 10.0, 2.0
 #: Note on a log that a robust loss cannot be fitted to and squares explain.
 NO_ROBUST = "the robust loss did not converge; squares explain all readings: calibrated with these"
 
@@ -222,10 +223,11 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
 def unsound(fit: Calibration, wider: bool) -> str:
     """Return why a fit is worse than none, else ""; `wider`: its tolerances are not the file's."""
     rows = (fit.status == "ok") & (fit.redundancy > 0)
-    if rows.any() and (apart := fit.disagreement(rows)) > APART:
+    apart = fit.disagreement(rows) if rows.any() else 0.0
+    if apart > APART:
         return f"the readings disagree by {apart:.0f} times their noise, at most {APART:g}"
     x = fit.x[finite_rows(fit.x)]
-    if wider or not len(x):
+    if wider or not len(x) or apart < HEALTHY:
         return ""
     worse = []
     for pose in (None, fit.robot.home):

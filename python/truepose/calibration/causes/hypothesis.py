@@ -194,7 +194,7 @@ class Linear:
 
     def by_row(self, values: Array) -> Array:
         """Return the log's values, (N, …), for these rows; 0 for a known pose or a difference."""
-        ended = np.concatenate([values, np.zeros((1, *values.shape[1:]))])
+        ended = np.concatenate([values, np.zeros_like(values[:1])])
         return np.asarray(ended[np.minimum(self.rows.line, len(values))])
 
     def weigh(self, columns: Sequence[Array], ordinary: Array = ALONE) -> Array:

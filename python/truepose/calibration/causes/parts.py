@@ -19,7 +19,7 @@ LEAN, LOAD = 0.05, 1e-3
 #: Fits that find a lean before the last one.
 AGAIN = 2
 #: Factors by which tolerances, or all sensors' noise, may be too small.
-FACTORS = (2.0, 4.0, 8.0, 30.0)
+FACTORS = (1.4, 2.0, 4.0, 8.0, 30.0)
 
 
 def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:

@@ -23,6 +23,8 @@ from truepose.show import PRINT
 SHIFTS, STUCK = 3, 5
 #: Log of how much less likely columns slip by one amount than one alone (assumed).
 ALIKE = math.log(10.0)
+#: Numbers in columns that are weighed together.
+PART = 10_000_000
 #: Thresholds between two sides, from the middle, over a quantity's range.
 BANDS = 0.04 * np.linspace(-1, 1, 5)
 #: Largest share of rows with gross errors; probability that noise makes one.
@@ -110,12 +112,12 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     read = np.ma.masked_invalid(case.log.readings)
     spans = np.ma.ptp(read, axis=0).filled(0.0)
     rows, units = linear.rows, reading_units(case.robot)
-    after = linear.by_row(masks.T).T
+    parts = np.array_split(linear.by_row(masks.T).T, 1 + len(masks) * len(rows.y) // PART)
     for which in alone_and_alike(case.robot):
         amount = max(float(spans[list(which)].max()) / 5, 1e-6)
         d = (rows.D / linear.sigma)[:, list(which)].sum(axis=1) * amount
-        found = linear.weigh(list((after * d)[..., None]))[0, 1:]
-        best = int(np.argmax(found))
+        found = [linear.weigh(list((part * d)[..., None]))[0, 1:] for part in parts]
+        best = int(np.concatenate(found).argmax())
         pattern = np.outer(masks[best], np.isin(np.arange(len(case.log.names)), which))
         size = Size(units[which[0]])
         step = case.with_pattern(pattern.astype(float), amount, text="", size=size)
