@@ -179,28 +179,34 @@ class Calibrator {
   }
 
   bool linearise_row(Iterate& at, int k) {
+    Line& line = at.line[k];
+    if (!linearise_row(at, k, prior_, acted() ? &D_[k] : nullptr, line)) return false;
+    const int m = settings_.nuisances;
+    for (int i = 0; i < line.rows; ++i)
+      line.e[i] -= dot(m, line.B[i] + p_ - m, at.u.data() + p_ - m);
+    line.pull = at.pull[k];
+    return true;
+  }
+
+  /// @param known, D  as of linearise_line: with more columns than the prior's, or its own
+  bool linearise_row(const Iterate& at, int k, const Knowledge& known, const RowMatrix* D,
+                     Line& line) {
     const bool referenced = k >= log_.count - log_.referenced;
     Outside outside;
     if (log_.measured)
       outside = {log_.measured + k * n_, log_.measured_sigma + k * n_,
                  referenced ? &kAligned : &result_.registration,
                  referenced ? -1 : settings_.registration};
-    Line& line = at.line[k];
     line.certain = referenced;
-    const int m = settings_.nuisances;
     const Influences given = influences_of(k);
     Extended q_e{};
     std::copy_n(log_.q_e + k * readings_, readings_, q_e.begin());
     for (int c = 0; c < readings_; ++c)
       for (int j = 0; j < given.count; ++j)
         q_e[c] -= given.pattern[c * given.count + j] * result_.amount[j];
-    if (!linearise_line(level_, robot_, prior_, at.pose[k], q_e.data(), outside,
-                        acted() ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
-      return false;
-    for (int i = 0; i < line.rows; ++i)
-      line.e[i] -= dot(m, line.B[i] + p_ - m, at.u.data() + p_ - m);
-    line.pull = at.pull[k];
-    return true;
+    return linearise_line(level_, robot_, known, at.pose[k], q_e.data(), outside, D, H_xi_.data(),
+                          line, rest_[k])
+               .status == Status::ok;
   }
 
   /// Moves row k to a pose of lower misfit, or to any if it has `none`. @return whether it moved
@@ -296,8 +302,58 @@ class Calibrator {
     return size;
   }
 
+  /// The equations of the last step, with a column for an error of each reading.
+  void tabulate(const Iterate& at) {
+    LogRows& all = result_.rows;
+    Knowledge wide = prior_;  // its root multiplies the parameters' columns at the end
+    std::vector<std::int32_t> column(prior_.column, prior_.column + p_);
+    column.resize(p_ + readings_, -1);
+    wide.count = p_ + readings_;
+    wide.column = column.data();
+    wide.root = nullptr;
+    const int acting = settings_.influences + settings_.nuisances;
+    std::vector<Line> lines(log_.count);
+    RowMatrix raw(at.equations(), wide.count);
+    const auto enter = [&](const double* from, double y, int line) {
+      std::copy_n(from, wide.count, raw[static_cast<int>(all.y.size())]);
+      all.y.push_back(y);
+      all.line.push_back(line);
+    };
+    for (int k = 0; k < log_.count; ++k) {
+      if (at.line[k].rows < n_) continue;
+      RowMatrix D(readings_, acting + readings_);
+      for (int c = 0; c < readings_; ++c) {
+        if (acting > 0) std::copy_n(D_[k][c], acting, D[c]);
+        D(c, acting + c) = 1;
+      }
+      Line& line = lines[k];
+      if (!linearise_row(at, k, wide, &D, line)) continue;
+      line.e = at.line[k].e;
+      for (int i = n_; i < line.rows; ++i) enter(line.B[i], line.e[i], k);
+    }
+    if (!log_.links.link.empty())
+      for (LinkBlock& block :
+           linked(robot_.mobility, log_.links, result_.w.data(), wide, at.pose, lines)) {
+        RowMatrix y(block.size(), 1, block.y.data());
+        solve_lower(block.C, block.B);
+        solve_lower(block.C, y);
+        for (int k = 0; k < block.size(); ++k) enter(block.B[k], y(k, 0), -1);
+      }
+    const int rows = static_cast<int>(all.y.size());
+    RowMatrix own(rows, p_);
+    all.D = RowMatrix(rows, readings_);
+    for (int i = 0; i < rows; ++i) {
+      std::copy_n(raw[i], p_, own[i]);
+      std::copy_n(raw[i] + p_, readings_, all.D[i]);
+    }
+    all.B = own * S_;
+    const std::vector<double> moved = all.B * at.u;
+    for (int i = 0; i < rows; ++i) all.y[i] += moved[i];
+  }
+
   void finish(Iterate& at) {
     believe(at.u);
+    if (settings_.rows) tabulate(at);
     result_.cost = at.cost(loss_);
     result_.u = at.u;
     result_.pose = at.pose;

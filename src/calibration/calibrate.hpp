@@ -9,6 +9,7 @@
 #include <functional>
 #include <vector>
 
+#include "calibration/evidence.hpp"
 #include "calibration/links.hpp"
 
 namespace truepose {
@@ -20,6 +21,7 @@ struct CalibrationSettings {
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
+  bool rows = false;           ///< whether the result has its rows
   std::function<void()> poll;  ///< called after every row, if set; may throw to abort
 };
 
@@ -53,6 +55,7 @@ struct CalibrationResult {
   std::vector<double> w;         ///< the unknowns of those
   std::vector<double> amount;    ///< of every influence
   double cost = 0;
+  LogRows rows;  ///< at the end, if asked for
 };
 
 /// Batch calibration by Levenberg-Marquardt; deterministic. A robust loss first scales residuals by

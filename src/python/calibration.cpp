@@ -18,7 +18,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const Rows& measured_sigma, const Frame& base, const Frame& marker,
                      int registration, Optional<const Links> links, int influences,
                      const Rows& influence, int loss, double tuning, int iterations, bool full,
-                     int referenced) {
+                     int referenced, bool rows) {
   RowMatrix x(static_cast<int>(q_e.shape(0)), dof(drawn.mobility));
   CalibrationResult result;
   {
@@ -31,9 +31,9 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                          {base, marker},
                          links_or_none(links),
                          referenced};
-    result =
-        calibrate(level(full), drawn, prior.view(), mean, log,
-                  {influences, nuisances, registration, Loss{loss}, tuning, iterations, Signals{}});
+    result = calibrate(
+        level(full), drawn, prior.view(), mean, log,
+        {influences, nuisances, registration, Loss{loss}, tuning, iterations, rows, Signals{}});
   }
   std::vector<int> status;
   for (int i = 0; i < x.rows(); ++i) {
@@ -46,10 +46,22 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
   const RowMatrix link(static_cast<int>(result.link.size()), 4,
                        reinterpret_cast<const double*>(result.link.data()));
   const auto& [start, found] = std::tie(result.start, result.registration);
-  return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, result.xi,
-                        result.covariance, x, result.chi2, result.redundancy, result.weight, status,
-                        result.cost, start.base, start.marker, found.base, found.marker, result.w,
-                        link, result.amount);
+  return nb::make_tuple(
+      static_cast<int>(result.outcome.status), result.iterations, result.xi, result.covariance, x,
+      result.chi2, result.redundancy, result.weight, status, result.cost, start.base, start.marker,
+      found.base, found.marker, result.w, link, result.amount,
+      nb::make_tuple(result.rows.B, result.rows.y, result.rows.D, result.rows.line));
+}
+
+/// @param C, end  as in Columns. @param ordinary  noise, tolerances, correlation, persisting
+auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix& D,
+               const std::vector<int>& line, const RowMatrix& C, const std::vector<int>& end,
+               const RowMatrix& ordinary) {
+  std::vector<Ordinary> by;
+  for (int i = 0; i < ordinary.rows(); ++i)
+    by.push_back({ordinary(i, 0), ordinary(i, 1), ordinary(i, 2), ordinary(i, 3)});
+  const nb::gil_scoped_release release;
+  return weigh({B, y, D, line}, {C, end}, by);
 }
 
 /// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
@@ -173,6 +185,7 @@ void bind_calibration(nb::module_& m) {
       .def_ro("suspect", &ResidualTest::suspect);
   m.attr("ITERATIONS") = CalibrationSettings{}.iterations;
   m.def("calibrate", &run_calibration);
+  m.def("weigh", &run_weigh);
   m.def("rows_of_visits", &run_rows_of_visits);
   m.def("accuracy", &batch_accuracy);
 }

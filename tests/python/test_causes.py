@@ -140,6 +140,16 @@ def test_gross_errors_of_a_tracker_are_found_by_row(h4_z):
     assert ((fit.redundancy > 0) == ~np.isin(np.arange(POSES), bad)).all()
 
 
+def test_a_slip_is_found_beside_a_known_pose_or_a_distance(h4_z):
+    x, rows, _ = read(h4_z)
+    slipped(rows)
+    far = float(np.linalg.norm(x[0, :3] - x[1, :3]))
+    distance = tp.calibration.DistanceMeasurements(pairs=[(0, 1)], measured=[far], sigma=1e-4)
+    for more in ({"known_pose": (rows[3], x[3])}, {"differences": [distance]}):
+        with refused("q1: slipped before row 31, by -1.7"):
+            tp.calibrate(h4_z, rows, **more)
+
+
 TWO = [
     (exchanged, "q1 and q3: swapped", "q2: homed off by 5."),
     (gross, "gross errors in 20 of 60 rows", "q2: homed off by 5."),
@@ -227,6 +237,18 @@ def test_causes_that_no_pose_of_the_log_separates_are_all_named():
     found = search(robot, rows).causes
     assert found.verdict == "undecided"
     assert found.separating.shape == (4,) and "separate them" in found.text
+
+
+@pytest.mark.parametrize("poses", [14, 240])
+def test_a_good_log_with_half_more_noise_than_stated_is_not_refused(poses):
+    """Few poses tell too little to be refused; of many some are searched."""
+    robot = tp.load("3prs")
+    for seed in range(3):
+        x = drawn_poses(robot, poses, seed)
+        rows = robot.sample(seed).extended_positions(x, level="full")
+        rows += 1.5 * robot.reading_sigma * np.random.default_rng(seed).normal(size=rows.shape)
+        fit = tp.calibrate(robot, rows)
+        assert fit.causes.verdict in ("none", "unexplained")
 
 
 @pytest.fixture(scope="module")

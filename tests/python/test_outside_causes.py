@@ -241,3 +241,16 @@ def test_healthy_robots_of_wide_tolerances_are_near_their_workspace():
         q_e = robot.sample(seed).at_highest_level.extended_positions(x)
         assert log_checks.plausible(robot, q_e) > 0.9
         assert log_checks.plausible(robot, q_e + 0.3) < 0.5
+
+
+def test_a_good_log_far_from_the_workspace_is_noted_not_refused():
+    robot = tp.load("h4").with_sensors("theta", "z_telemeter")
+    rows = robot.sample(1).read(drawn_poses(robot, 60, 1), seed=2, level="full")
+    box = robot.spec.workspace
+    end = (0.8 * box.minimum[0] + 0.2 * box.maximum[0], *box.maximum[1:])
+    part = box.model_copy(update={"maximum": end})
+    elsewhere = tp.Robot(robot.spec.model_copy(update={"workspace": part}))
+    assert 0 < log_checks.plausible(elsewhere.expected(), rows) < 0.5
+    fit = tp.calibrate(elsewhere, dict(zip(robot.readings, rows.T, strict=True)))
+    assert any("near the robot's workspace" in note for note in fit.notes)
+    assert fit.causes.verdict == "none"

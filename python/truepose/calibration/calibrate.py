@@ -14,12 +14,14 @@ from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
 from truepose.calibration.cause import Causes
-from truepose.calibration.causes.hypothesis import Case, Hypothesis, lost
+from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, lost
 from truepose.calibration.causes.lasting import as_read
 from truepose.calibration.causes.search import (
     DECISIVE,
+    REJECTED,
     Explained,
     Search,
+    consistent,
     search,
     suspicion,
     vague,
@@ -40,8 +42,9 @@ from truepose.robot import Payloads, Robot, require_robot
 NOTABLE = 1.2
 #: Share of outliers below which a robust fit asks for no cause.
 OUTLIERS = 0.1
-#: Disagreement of readings, in units of their noise, from which an unexplained fit is refused.
-APART = 10.0
+#: Disagreement of readings, in units of their noise, from which an unexplained fit is refused;
+#: below which it is that of a healthy robot, whose noise is not known better.
+APART, HEALTHY = 10.0, 2.0
 #: Note on a log that a robust loss cannot be fitted to and squares explain.
 NO_ROBUST = "the robust loss did not converge; squares explain all readings: calibrated with these"
 
@@ -157,9 +160,10 @@ def explained(
 ) -> tuple[Calibration, Hypothesis]:
     """Calibrate by a checked log, after a search for what is wrong with it.
 
-    `refused` are a check's reasons against a fit. The hypothesis is that under which the robot is
-    calibrated; :func:`as_read` returns the machine as it reads. Raises InputError for a decisive
-    cause that is not applied, for undecided ones, and for `refused` without a cause.
+    `refused` are a check's reasons against a fit: notes where readings, tolerances and noise agree.
+    The hypothesis is that under which the robot is calibrated; :func:`as_read` returns the machine
+    as it reads. Raises InputError for a decisive cause that is not applied, for undecided ones, and
+    for `refused` without a cause.
     """
     log, cause, none = case.log, case.options.cause, case.nothing()
     leaning_of(case.robot, log, case.options.lean)  # a wrong lean is not searched for
@@ -183,7 +187,7 @@ def explained(
     if causes.verdict in ("decisive", "undecided"):
         undo = "; cause='apply' undoes it" * (causes.verdict == "decisive")
         raise InputError(f"readings: {causes.text}{undo}")
-    if refused:
+    if refused and (base is None or not (equations(base) and consistent(base, REJECTED))):
         raise InputError(f"readings: {'; '.join(refused)}")
     direct = squares or (robust is None and causes.verdict == "none" and not gross)
     fit, of = unexplained(case, Search(causes, found, base), direct)
@@ -195,7 +199,7 @@ def explained(
             f"readings: {said}: {why}: check units, measured_sigma, level, tolerances and noise of "
             "the robot file; cause='ignore' calibrates nevertheless"
         )
-    return replace(fit, causes=causes), of
+    return replace(fit, causes=causes, notes=(*refused, *fit.notes)), of
 
 
 def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration, Hypothesis]:
@@ -219,10 +223,11 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
 def unsound(fit: Calibration, wider: bool) -> str:
     """Return why a fit is worse than none, else ""; `wider`: its tolerances are not the file's."""
     rows = (fit.status == "ok") & (fit.redundancy > 0)
-    if rows.any() and (apart := fit.disagreement(rows)) > APART:
+    apart = fit.disagreement(rows) if rows.any() else 0.0
+    if apart > APART:
         return f"the readings disagree by {apart:.0f} times their noise, at most {APART:g}"
     x = fit.x[finite_rows(fit.x)]
-    if wider or not len(x):
+    if wider or not len(x) or apart < HEALTHY:
         return ""
     worse = []
     for pose in (None, fit.robot.home):

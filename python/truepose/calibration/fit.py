@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,17 @@ from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import Robot, conditions, flattened, in_print, knowledge, require_answers
 from truepose.show import Shown, Table
+
+
+class LogRows(NamedTuple):
+    """Linearised rows of a log, poses eliminated, in σ of the readings: y = B u + D d + ε."""
+
+    B: Array  #: (M, p + …) by the unknowns, in units of the prior's root
+    y: Array  #: (M,) with the unknowns at their prior mean
+    D: Array  #: (M, n + r) by an error d of each reading, in its σ
+    line: Array  #: (M,) row of the log; -1: of a difference between rows
+    geometry: Array  #: (p,) columns of the parameters
+    acting: Array  #: columns of the influences
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,6 +70,7 @@ class Calibration(Shown):
     #: parameters, then with each other
     causes: Causes = NO_CAUSE  #: what was found to be wrong with log or robot
     notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
+    rows: LogRows | None = None  #: kept by a search for causes
 
     def __repr__(self) -> str:
         good = self.status == "ok"

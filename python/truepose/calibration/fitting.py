@@ -11,7 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, sigmas_of
 from truepose.calibration.differences import Difference, assemble
-from truepose.calibration.fit import Calibration
+from truepose.calibration.fit import Calibration, LogRows
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
 from truepose.calibration.lean import Leaning, leaning_of
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
@@ -50,6 +50,7 @@ class Problem:
     differences: Sequence[Difference] = ()
     influences: Sequence[NuisanceParameter] = ()
     iterations: int = _core.ITERATIONS
+    keeps_rows: bool = False  #: whether the result has its linearised rows
 
 
 def fit_to(problem: Problem) -> Calibration:
@@ -119,9 +120,11 @@ def _fit_upright(problem: Problem) -> Calibration:
                 problem.iterations,
                 full,
                 lines.known,
+                problem.keeps_rows,
             )
         )
-        _require_found(robot, answer, options.loss, lines.known)
+        if not (problem.keeps_rows and len(answer.rows[1])):
+            _require_found(robot, answer, options.loss, lines.known)
         sigmas = sigmas_of(answer.covariance)
         stretched = stretching.learnt(answer.amounts[k:], sigmas[last])
         covariance = answer.covariance[np.ix_(geometry, geometry)]
@@ -160,6 +163,7 @@ def _fit_upright(problem: Problem) -> Calibration:
         differences=found,
         influences={of.name: of.learnt(amount, s) for of, amount, s in amounts},
         beside=answer.covariance[np.ix_(others, np.concatenate([geometry, others]))],
+        rows=LogRows(*answer.rows, geometry, acted) if problem.keeps_rows else None,
     )
     notes = [*lines.notes, *(found.doubt if found else ()), *_contradictions(fit, lines)]
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
@@ -187,6 +191,7 @@ class _Answer(NamedTuple):
     w: Array  #: unknowns of the measured differences
     differences: Array  #: (M, 4) residual, residual left out, its σ, weight
     amounts: Array  #: of influences, then of compliances, less their prior means
+    rows: tuple[Array, Array, Array, Array]  #: as in :class:`LogRows`
 
     def registered(self, geometry: Array, own: Array, sigma: Array) -> Registered:
         """Return the registration, whose unknowns had this σ, (12,), before; 0: was known."""

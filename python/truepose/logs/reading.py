@@ -29,8 +29,9 @@ PLANES = {"plane": "z", "plane_x": "x", "plane_y": "y"}
 POINT = "point"
 
 
-#: Arrays of a log with an entry for each row.
-_BY_ROW = ("readings", "measured", "measured_sigma", "lines", "implied", "base_lean", "euler")
+#: Arrays of a log with an entry for each row, and the dimensions of one that all rows share.
+_BY_ROW = dict.fromkeys(("readings", "measured", "lines", "implied", "base_lean", "euler"), 0)
+_BY_ROW |= {"measured_sigma": 1}
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,8 @@ class Log:
     def only(self, keep: Array) -> Log:
         """Return the log of some rows; `keep` as numpy indexes."""
         kept: dict[str, Any] = {
-            name: None if (values := getattr(self, name)) is None else values[keep]
-            for name in _BY_ROW
+            name: values[keep] if np.ndim(values := getattr(self, name)) > shared else values
+            for name, shared in _BY_ROW.items()
         }
         for name in ("labels", "above"):
             kept[name] = {column: v[keep] for column, v in getattr(self, name).items()}

@@ -38,11 +38,11 @@ def _scaled(
     factors[list(which)] = factor
     names = case.named(which)
     read = np.isfinite(case.log.readings[:, list(which)]).sum()
-    odds = LN_RATE - math.log(among) - float(read) * math.log(abs(factor))
     return case.with_readings(
         case.log.readings / factors,
         text=f"{names}: {text}",
-        log_odds=odds,
+        log_odds=LN_RATE - math.log(among),
+        density=-float(read) * math.log(abs(factor)),
         reads=(lambda _: (factors, 0 * factors)) if lasts else None,
     )
 

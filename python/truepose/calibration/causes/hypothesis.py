@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from truepose import _core
 from truepose.arguments import Array
-from truepose.calibration.fit import Calibration, joint_prior
+from truepose.calibration.fit import Calibration, LogRows, joint_prior
 from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.influences import NuisanceParameter, relaxed
 from truepose.calibration.registration import Registration
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
-from truepose.robot import Robot
+from truepose.robot import Robot, knowledge
 
 #: Assumed probability that a given part is wrong, or that a given mistake was made.
 RATE = 0.01
@@ -25,6 +29,10 @@ LN_RATE = math.log(RATE)
 WIDE = 30.0
 #: Negative log probability of one row's gross error: RATE times its density, over that of noise.
 GROSS = 9.0
+#: σ, m or rad, at which an exact parameter's column is taken; iterations before that.
+PROBE, LINEAR = 1e-9, 6
+#: No ordinary explanation: noise, tolerances, correlation, persisting errors as in the core.
+ALONE = np.array([[1.0, 1.0, 0.0, 0.0]])
 
 
 class Size(NamedTuple):
@@ -43,8 +51,11 @@ class Hypothesis:
     log: Log
     robot: Robot
     influences: tuple[NuisanceParameter, ...] = ()
+    wide: Mapping[str, float] = field(default_factory=dict)  #: σ of parameters, beside their own
     size: Size | None = None
     log_odds: float = LN_RATE  #: of it before any reading, against no mistake
+    #: log of the density of the log's readings over that of the undone ones
+    density: float = 0.0
     first: Hypothesis | None = None  #: another mistake, undone before
     kind: str = ""  #: of the table of causes
     #: factor and shift of the undone readings, (n + r,), that the machine keeps, by the amount
@@ -85,8 +96,9 @@ class Case(Problem):
         if of.registration is not None:
             options = replace(options, registration=of.registration)
         influences = (*self.influences, *of.influences)
+        robot = relaxed(of.robot, of.wide, "relaxed") if of.wide else of.robot
         return replace(
-            self, robot=of.robot, log=of.log, options=options, influences=influences, first=of
+            self, robot=robot, log=of.log, options=options, influences=influences, first=of
         )
 
     def only(self, rows: Array) -> Case:
@@ -133,7 +145,63 @@ class Case(Problem):
     def with_wide(self, names: tuple[str, ...], tolerances: Array, **of: Any) -> Hypothesis:
         """Return a hypothesis of parameters far beyond their tolerances."""
         wide = dict(zip(names, (WIDE * np.asarray(tolerances)).tolist(), strict=True))
-        return Hypothesis(log=self.log, robot=relaxed(self.robot, wide, "relaxed"), **of)
+        return Hypothesis(log=self.log, robot=self.robot, wide=wide, **of)
+
+    @cached_property
+    def linear(self) -> Linear | None:
+        """The log's rows about the calibration without a mistake, as far as that comes; or None."""
+        robot, options = self.robot, replace(self.options, loss="squares", tuning=None)
+        exact = {
+            name: PROBE
+            for name, p in robot.parameters.items()
+            if p.sigma == 0 and name.endswith(("encoder_offset", "rod", "arm", ".length", "offset"))
+        }
+        probed = relaxed(robot, exact, "probed") if exact else robot
+        fit = None
+        for steps in (LINEAR, 0):  # on the way a geometry may be none
+            near = replace(self, robot=probed, options=options, keeps_rows=True, iterations=steps)
+            with contextlib.suppress(TrueposeError), warnings.catch_warnings(action="ignore"):
+                fit = fit or fit_to(near)
+        if fit is None or fit.rows is None:
+            return None
+        root = knowledge.root(probed, list(fit.names))
+        B = np.linalg.solve(root.T, fit.rows.B[:, fit.rows.geometry].T)
+        return Linear(
+            fit.rows, dict(zip(fit.names, B, strict=True)), knowledge.reading_sigma(robot)
+        )
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Linearised rows of a log."""
+
+    rows: LogRows
+    by: dict[str, Array]  #: of each uncertain parameter, (M,) per unit
+    sigma: Array  #: (n + r,) of the readings
+
+    def columns(self, of: Hypothesis) -> Array | None:
+        """Return a hypothesis as columns, (M, k), in σ of its amounts; None where it is not one."""
+        if of.wide:
+            known = [self.by[name] * by for name, by in of.wide.items() if name in self.by]
+            return np.transpose(known) if len(known) == len(of.wide) else None
+        if not of.influences:
+            return None
+        if (self.rows.line < 0).any():
+            return None
+        last = of.influences[-1]
+        P = self.by_row(np.asarray(last.pattern)) / self.sigma
+        return np.asarray((self.rows.D * P).sum(axis=1, keepdims=True) * last.amount[1])
+
+    def by_row(self, values: Array) -> Array:
+        """Return the log's values, (N, …), for these rows; 0 for a known pose or a difference."""
+        ended = np.concatenate([values, np.zeros_like(values[:1])])
+        return np.asarray(ended[np.minimum(self.rows.line, len(values))])
+
+    def weigh(self, columns: Sequence[Array], ordinary: Array = ALONE) -> Array:
+        """Return log marginal likelihoods, (A, 1 + H): of nothing, then of each hypothesis."""
+        C = np.hstack([np.zeros((len(self.rows.y), 0)), *columns])
+        ends = np.cumsum([of.shape[1] for of in columns], dtype=int)
+        return np.asarray(_core.weigh(*self.rows[:4], C, ends, ordinary))
 
 
 def equations(fit: Calibration) -> int:
@@ -156,10 +224,12 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     """
     after, prior = (np.linalg.slogdet(of)[1] for of in (fit.joint_covariance, joint_prior(fit)))
     cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.m * lost(fit)
-    density = 0.0  # of readings, over that of the scaled ones
+    density = 0.0
     for mistake in of.each:
+        part = mistake.density
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
-            density -= mistake.size.gain * math.log(abs(found[0]))
+            part -= mistake.size.gain * math.log(abs(found[0]))
+        density += part * len(fit.x) / len(mistake.log.readings)  # fitted to some rows
     if of.registration and (by := fit.registration) is not None:  # which no other hypothesis has
         own = by.covariance - by.cross.T @ np.linalg.solve(fit.covariance, by.cross)
         free = by.sigma > 0

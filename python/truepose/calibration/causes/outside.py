@@ -33,7 +33,7 @@ class Candidate(NamedTuple):
 
     text: str
     measured: Array  #: (N, n)
-    log_odds: float = 0.0  #: beside those of one mistake of this kind
+    density: float = 0.0  #: as of the hypothesis
 
 
 class View:
@@ -121,8 +121,8 @@ def nearer(
         before.append(float(far[k]))
         of = every[k]
         log = replace(case.log, measured=of.measured, euler=None, form="")
-        odds = LN_RATE - math.log(len(every)) + of.log_odds
-        yield Hypothesis(text=of.text, log=log, robot=case.robot, log_odds=odds)
+        odds = LN_RATE - math.log(len(every))
+        yield Hypothesis(text=of.text, log=log, robot=case.robot, log_odds=odds, density=of.density)
 
 
 def axes(case: Case) -> Iterator[Hypothesis]:

@@ -1,18 +1,25 @@
-"""Wrong parts: a homing, rod, arm, joint or sensor far beyond its tolerance."""
+"""Wrong parts far beyond their tolerances, larger tolerances or noise, a lean, a load."""
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
-from truepose.calibration.influences import relaxed
-from truepose.robot import knowledge, reading_units
+from truepose.calibration.expectation import poses_of
+from truepose.calibration.influences import stretch, tension
+from truepose.robot import Robot, knowledge, lean, reading_units
 
 #: σ of the deviation of a part without a tolerance: m, rad.
 EXACT = {"m": 1e-3, "rad": 0.01}
+#: σ of a lean, rad; of load times compliance, 1 (assumed).
+LEAN, LOAD = 0.05, 1e-3
+#: Fits that find a lean before the last one.
+AGAIN = 2
 #: Factors by which tolerances, or all sensors' noise, may be too small.
-FACTORS = (2.0, 4.0, 8.0, 30.0)
+FACTORS = (1.4, 2.0, 4.0, 8.0, 30.0)
 
 
 def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:
@@ -62,39 +69,47 @@ def joint(case: Case) -> Iterator[Hypothesis]:
                 yield _wide(case, names, f"{told}: its joint on the {body} is elsewhere", "m")
 
 
+def _factor(case: Case, column: int) -> float:
+    """Return the likeliest factor of noise (0) or tolerances (1), to first order; 0 for none."""
+    if case.linear is None:
+        return FACTORS[0]
+    ordinary = np.ones((len(FACTORS) + 1, 4)) * [1, 1, 0, 0]
+    ordinary[1:, column] = FACTORS
+    best = int(case.linear.weigh([], ordinary)[:, 0].argmax())
+    return float(ordinary[best, column]) * (best > 0)
+
+
 def tolerances(case: Case) -> Iterator[Hypothesis]:
     """All tolerances, or the last calibration's σ, too small by one factor."""
-    known = case.robot.parameters
-    names = knowledge.learnable(case.robot)
-    before = "the last calibration's σ" if case.robot.spec.calibration else "the tolerances"
-    for factor in FACTORS:
-        wide = {name: math.sqrt(factor**2 - 1) * known[name].sigma for name in names}
+    if factor := _factor(case, 1):
+        known, names = case.robot.parameters, knowledge.learnable(case.robot)
+        before = "the last calibration's σ" if case.robot.spec.calibration else "the tolerances"
         yield Hypothesis(
             text=f"{before} seem too small by a factor of about {factor:g}",
             log=case.log,
-            robot=relaxed(case.robot, wide, "relaxed"),
+            robot=case.robot,
+            wide={name: math.sqrt(factor**2 - 1) * known[name].sigma for name in names},
             log_odds=LN_RATE - math.log(len(FACTORS)),
         )
 
 
 def noise(case: Case) -> Iterator[Hypothesis]:
-    """All sensors noisier than stated, by one factor; so that no other cause has to explain it."""
-    spec, n = case.robot.spec, case.robot.m
-    stated = dict(zip(case.robot.sensors, knowledge.reading_sigma(case.robot)[n:], strict=True))
-    read = float(np.isfinite(case.log.readings[:, n:]).sum())
-    for factor in FACTORS if stated else ():
-        sensors = [
-            sensor.model_copy(update={"noise": factor * float(stated[sensor.name])})
-            if sensor.name in stated
-            else sensor
-            for sensor in spec.sensor
-        ]
-        yield Hypothesis(
-            text=f"the sensors seem noisier than stated by a factor of about {factor:g}",
-            log=case.log,
-            robot=type(case.robot)(spec.model_copy(update={"sensor": sensors})),
-            log_odds=LN_RATE - math.log(len(FACTORS)) - read * math.log(factor),
-        )
+    """All readings noisier than stated, by one factor; so that no other cause has to explain it."""
+    robot, n = case.robot, case.robot.m
+    if not (factor := _factor(case, 0)):
+        return
+    sigma = (factor * knowledge.reading_sigma(robot)).tolist()
+    motors, used = iter(sigma[:n]), dict(zip(robot.sensors, sigma[n:], strict=True))
+    read = np.isfinite(case.log.readings[:, n:]).sum() + (n - robot.n) * len(case.log.readings)
+    yield Hypothesis(
+        text=f"the sensors seem noisier than stated by a factor of about {factor:g}",
+        log=case.log,
+        robot=robot.with_each(
+            "chain" if robot.spec.chain else "motor", lambda _: {"encoder_noise": next(motors)}
+        ).with_each("sensor", lambda of: {"noise": used.get(of.name, of.noise)}),
+        log_odds=LN_RATE - math.log(len(FACTORS)),
+        density=-float(read) * math.log(factor),
+    )
 
 
 def sensor_offset(case: Case) -> Iterator[Hypothesis]:
@@ -103,3 +118,64 @@ def sensor_offset(case: Case) -> Iterator[Hypothesis]:
     for name, unit in zip(case.robot.sensors, units, strict=True):
         if f"{name}.offset" in case.robot.parameters:
             yield _wide(case, [f"{name}.offset"], f"{name}: zero off by", unit)
+
+
+def leaning(case: Case) -> Iterator[Hypothesis]:
+    """A base, or a shank, that leans: every inclinometer sees the vertical elsewhere."""
+    robot = case.robot.expected()
+    if not lean.gravity_referred(robot).any():
+        return
+    x = poses_of(robot, case.log.readings[:, : robot.m])
+    for axis in range(2):
+        of = _leaning(case, x, axis, 0.0)
+        if np.abs(np.asarray(of.influences[0].pattern)).max(initial=0) < 1e-3:
+            continue
+        by = case.linear.columns(of) if case.linear else None
+        less = (
+            case.linear is not None and by is not None and np.diff(case.linear.weigh([by]))[0] < 0
+        )
+        for _ in range(0 if less else AGAIN):  # about the lean that was found
+            if (fit := case.fit(of)) is None or (size := of.measured(fit)) is None:
+                break
+            of = _leaning(case, x, axis, size[0])
+        yield of
+
+
+def _leaning(case: Case, x: Array, axis: int, begun: float) -> Hypothesis:
+    """Return a lean about an axis, linearised about one."""
+    robot, one = case.robot, np.eye(2)[axis]
+    leans, implied = np.tile(begun * one, (len(x), 1)), np.zeros(x.shape, dtype=bool)
+    of = case.with_pattern(
+        lean.effect(robot.expected(), x, leans, implied).inclination[:, :, axis],
+        LEAN,
+        text=f"base or shank leans about {'xyz'[lean.axes(robot)[axis]]} by",
+        size=Size("rad"),
+        leans=lambda robot, amount: leant(robot, (begun + amount) * one),
+    )
+    moved = replace(of.influences[-1], amount=(-begun, LEAN))
+    return replace(of, robot=leant(robot, begun * one), influences=(moved,))
+
+
+def leant(robot: Robot, by: Array) -> Robot:
+    """Return the robot whose base leans, (2,): under the gravity that its inclinometers see."""
+    size = float(np.linalg.norm(robot.spec.gravity))
+    return robot.with_gravity(tuple((-size * lean.vertical(robot, by)).tolist()))
+
+
+def load(case: Case) -> Iterator[Hypothesis]:
+    """A weight on the platform that stretches the rods."""
+    robot = case.robot.expected()
+    x = poses_of(robot, case.log.readings[:, : robot.m])
+    good = finite_rows(x)
+    if (
+        not good.any()
+        or robot.is_compliant
+        or not any(unit == "m" for _, unit in robot.coordinates)
+    ):
+        return
+    pattern = np.zeros_like(case.log.readings)
+    pull = np.zeros_like(case.log.readings)[good]
+    pull[:, : robot.m] = tension(robot, x[good], (0.0, 0.0, -1.0))
+    pattern[good] = stretch(robot, x[good], pull)
+    text = "a load on compliant rods, compliance times load"
+    yield case.with_pattern(pattern, LOAD, text=text, size=Size(""))

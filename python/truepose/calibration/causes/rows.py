@@ -13,17 +13,20 @@ from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import patterns
 from truepose.calibration.learnt import chi2_quantile
-from truepose.calibration.parity import parity
 from truepose.calibration.registration import sigmas
 from truepose.logs import Log
 from truepose.robot import reading_units
+from truepose.show import PRINT
 
 #: Most rows by which a column is shifted; fewest equal readings in a row of a stuck one.
 SHIFTS, STUCK = 3, 5
 #: Log of how much less likely columns slip by one amount than one alone (assumed).
 ALIKE = math.log(10.0)
+#: Numbers in columns that are weighed together.
+PART = 10_000_000
+#: Thresholds between two sides, from the middle, over a quantity's range.
+BANDS = 0.04 * np.linspace(-1, 1, 5)
 #: Largest share of rows with gross errors; probability that noise makes one.
 MOST, FALSE = 0.45, 1e-4
 #: Fits of the search for gross errors: to half of the rows; at most.
@@ -99,39 +102,66 @@ def _moved(columns: Array, by: float) -> tuple[Array, Array]:
 
 
 def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
-    """Yield columns, the number of the mask whose step in these explains most, and the step.
+    """Yield columns, the number of the mask whose step in these is likeliest, and the step.
 
     `masks`, (S, N), are the rows with the step. Columns are each alone, and those of a kind alike.
-    Steps are compared to first order about the robot's expected geometry: with a step d of the
-    readings a row's equations are y = F u + A d + e, u and e of unit covariance. Influences on the
-    readings are among the unknowns u.
     """
-    count = len(case.log.readings)
-    acting = case.influences
-    by, amounts = patterns(case.robot, acting, count), np.array([of.amount for of in acting])
-    usual, sigma = amounts.reshape(-1, 2).T
-    model, readings = case.robot.expected(), case.log.readings - by @ usual
-    x = poses_of(model, readings[:, : model.m])
-    rows = np.flatnonzero(finite_rows(np.hstack([x, readings])))
-    if count < 4 or len(rows) == 0 or len(masks) == 0 or model.r == 0:
+    linear = case.linear
+    if linear is None or len(case.log.readings) < 4 or not len(masks) or not len(linear.rows.y):
         return
-    A, F = parity(model, x[rows])
-    y = (A @ (readings[rows] - model.extended_positions(x[rows]))[..., None])[..., 0]
-    F = np.concatenate([F, A @ (by[rows] * sigma)], axis=2)
-    stacked = F.reshape(-1, F.shape[-1])
-    half = np.linalg.cholesky(stacked.T @ stacked + np.eye(F.shape[-1]))
-    spans = np.ma.ptp(np.ma.masked_invalid(case.log.readings), axis=0).filled(0.0)
+    read = np.ma.masked_invalid(case.log.readings)
+    spans = np.ma.ptp(read, axis=0).filled(0.0)
+    rows, units = linear.rows, reading_units(case.robot)
+    parts = np.array_split(linear.by_row(masks.T).T, 1 + len(masks) * len(rows.y) // PART)
     for which in alone_and_alike(case.robot):
-        d = (A[..., list(which)].sum(axis=-1) * masks[:, rows, None]).reshape(len(masks), -1)
-        along = np.linalg.solve(half, (d @ stacked).T)
-        side = d @ y.ravel() - along.T @ np.linalg.solve(half, stacked.T @ y.ravel())
-        size = (d**2).sum(axis=1) - (along**2).sum(axis=0)
-        best = int(np.argmax(side**2 / np.maximum(size, 1e-9)))
-        columns = np.isin(np.arange(len(case.log.names)), which)
-        pattern = np.outer(masks[best], columns).astype(float)
-        span, unit = float(spans[columns].max()), Size(reading_units(case.robot)[which[0]])
-        step = case.with_pattern(pattern, max(span / 5, 1e-6), text="", size=unit)
+        amount = max(float(spans[list(which)].max()) / 5, 1e-6)
+        d = (rows.D / linear.sigma)[:, list(which)].sum(axis=1) * amount
+        found = [linear.weigh(list((part * d)[..., None]))[0, 1:] for part in parts]
+        best = int(np.concatenate(found).argmax())
+        pattern = np.outer(masks[best], np.isin(np.arange(len(case.log.names)), which))
+        size = Size(units[which[0]])
+        step = case.with_pattern(pattern.astype(float), amount, text="", size=size)
         yield case.named(which), best, step
+
+
+def sided(case: Case) -> Iterator[Hypothesis]:
+    """Columns that read otherwise on one side of the machine, alone or all of a kind alike.
+
+    A side is that of a coordinate's middle or zero, or where one reading exceeds another.
+    """
+    robot, read = case.robot.expected(), case.log.readings
+    x, box = poses_of(robot, read[:, : robot.m]), robot.spec.workspace
+    if box is None or not len(x):
+        return
+    names, units = case.log.names, reading_units(robot)
+    quantities = [
+        (name, unit, x[:, k], {0.0, (low + high) / 2, float(robot.home[k])})
+        for k, ((name, unit), low, high) in enumerate(
+            zip(robot.coordinates, box.minimum, box.maximum, strict=True)
+        )
+    ]
+    quantities += [
+        (f"{names[j]} - {names[k]}", units[j], read[:, j] - read[:, k], {0.0})
+        for j in range(len(names))
+        for k in range(j + 1, len(names))
+        if units[j] == units[k]
+    ]
+    found: dict[bytes, tuple[Array, str]] = {}
+    for k, (name, unit, value, middles) in enumerate(quantities):
+        span = float(np.ma.ptp(np.ma.masked_invalid(value)) or 0.0)
+        for middle in middles:
+            factor, said = PRINT[unit]
+            text = f"where {name} is above about {factor * middle:.4g} {said}"
+            near = value[np.abs(value - middle) < span * BANDS[-1]] if k < robot.m else []
+            for at in (*(middle + span * BANDS), *near):
+                mask = np.asarray(value > at)
+                if 1 < mask.sum() < len(mask) - 1:
+                    found.setdefault(mask.tobytes(), (mask, text))
+    masks = np.array([mask for mask, _ in found.values()])
+    texts = [text for _, text in found.values()]
+    for which, k, step in steps(case, masks):
+        text = f"{which}: reads otherwise {texts[k]}, by"
+        yield replace(step, text=text, log_odds=LN_RATE - math.log(len(masks)))
 
 
 def gross(case: Case) -> Iterator[Hypothesis]:
@@ -164,7 +194,7 @@ def gross(case: Case) -> Iterator[Hypothesis]:
     which = np.flatnonzero(bad)
     if 0 < len(which) <= MOST * len(bad):
         text = f"gross errors in {len(which)} of {len(bad)} rows: {log.at(which)}"
-        yield replace(of, text=text, log_odds=-GROSS * len(which))
+        yield replace(of, text=text, log_odds=0.0, density=-GROSS * len(which))
 
 
 def _begun(case: Case) -> Array | None:

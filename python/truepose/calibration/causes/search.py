@@ -1,8 +1,9 @@
-"""Search for the cause that explains a log: wrong parts, columns, rows, surroundings."""
+"""Search for the cause that explains a log: a wrong part, a mistake in columns or rows."""
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -10,20 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truepose import _core
 from truepose.arguments import Array, finite_rows
 from truepose.calibration.bound import accuracy
 from truepose.calibration.cause import Cause, Causes
-from truepose.calibration.causes import (
-    columns,
-    hypothesis,
-    outside,
-    parts,
-    rivals,
-    rows,
-    surroundings,
-)
+from truepose.calibration.causes import columns, hypothesis, outside, parts, rows
 from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, evidence, lost
-from truepose.calibration.expectation import expect
+from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import TrueposeError
@@ -52,17 +46,23 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "shifted rows": rows.shifted,
     "stuck": rows.stuck,
     "slip": rows.slipped,
-    "side": rivals.sided,
+    "side": rows.sided,
     "gross errors": rows.gross,
-    "lean": surroundings.leaning,
-    "load": surroundings.load,
+    "lean": parts.leaning,
+    "load": parts.load,
 }
 #: Probability of a consistent log below which causes are searched; below which one is unexplained.
 DOUBT, REJECTED = 0.05, 1e-4
 #: Odds that decide.
 DECISIVE = math.log(100.0)
-#: Column and row mistakes that are fitted, of those that motors and sensors contradict least.
-FITTED = 16
+#: Mistakes that are fitted: the likeliest to first order; others that contradict readings least.
+LIKELY, FITTED = 6, 10
+#: Log odds behind the best from which these are not fitted, also as a share of large linear odds.
+FAR, ROUGH = 150.0, 0.3
+#: Log odds behind the log as it is, likewise.
+NEAR = 30.0
+#: Rows by which these are compared.
+COMPARED = 24
 #: A log with more rows is searched by blocks of consecutive ones; then so many causes by all.
 ROWS, BLOCK, AGAIN = 120, 12, 5
 #: Iterations after which a hypothesis is given up: true ones need 4 to 7, 13 at most (119 logs);
@@ -72,13 +72,17 @@ QUICK, STEPS = 10, 25
 SECOND = 2
 #: Causes that are kept.
 SHOWN = 12
-#: Mistakes without a size that are always fitted.
+#: Mistakes that are always fitted.
 ALWAYS = (
-    *("stuck", "gross errors", "sensor body", "tolerances", "noise"),
+    *("stuck", "gross errors", "tolerances", "noise"),
     *("outside axes", "outside angles", "outside unit", "outside rows"),
 )
 #: Explanations that name no mistake.
 VAGUE = ("tolerances", "noise", "correlated rows")
+#: Errors that persist from row to row: correlations of consecutive rows; variances over that of
+#: independent errors; σ of these over the stated one.
+CORRELATIONS, PERSISTING = (0.5, 0.8, 0.95, 0.995), (0.5, 2.0, 8.0, 32.0, 128.0)
+NOISE = np.geomspace(0.5, 8.0, 9)
 
 
 class Search(NamedTuple):
@@ -121,18 +125,18 @@ def search(
                 found.append(Explained(of, fit, evidence(fit, of, most) - own))
         return found
 
-    tried = _tried(case)
-    found = _once(explained(tried, QUICK))
+    likely, rest = _tried(case)
+    found = _once(explained(likely, QUICK))
     if _puzzling(found):
-        left = [of for of in tried if all(of is not each.of for each in found)]
-        found = _once([*found, *explained(left, STEPS)])
+        left = [of for of in likely if all(of is not each.of for each in found)]
+        found = _once([*found, *explained([*left, *rest], STEPS)])
     if _puzzling(found):
         # No mistake has no fit; but two mistakes explain any few rows.
         few = len(np.unique(case.log.readings, axis=0)) <= case.log.readings.shape[1]
         least = DECISIVE if begun or few else -math.inf
-        likely = [each for each in found if not vague(each) and each.log_odds > least]
-        for after in (case.under(each.of) for each in likely[:SECOND]):
-            found += explained([after.beside(of) for of in _tried(after)], QUICK)
+        causing = [each for each in found if not vague(each) and each.log_odds > least]
+        for after in (case.under(each.of) for each in causing[:SECOND]):
+            found += explained([after.beside(of) for of in _tried(after)[0]], QUICK)
         found = _once(found)
     if some is not None:  # the most probable ones by every row
         found = [
@@ -183,7 +187,7 @@ def _persisting(
     """Return errors that persist over rows as an explanation, where slips are the likeliest."""
     near = [each for each in found if each.log_odds > found[0].log_odds - DECISIVE]
     over = [
-        rivals.over_persisting(case, each.of, each.fit, slip, rows)
+        _over_persisting(case, each.of, slip, rows)
         for each in near
         for slip in each.of.each
         if slip.kind == "slip"
@@ -195,9 +199,30 @@ def _persisting(
     return [Explained(of, base, found[0].log_odds - max(over))]
 
 
+def _over_persisting(case: Case, of: Hypothesis, slip: Hypothesis, rows: Array | None) -> float:
+    """Return the log odds of a slip, against none, if errors may persist from row to row.
+
+    The slip is a mistake of `of`; the largest marginal likelihoods of both are compared.
+    """
+    fit = replace(case, keeps_rows=True).fit(of, rows)
+    if fit is None or fit.rows is None:
+        return math.inf
+    B, y, D, line, _, acting = fit.rows
+    own = acting[list(fit.influences).index(slip.influences[-1].name)]
+    ways = [(1.0, 0.0, 0.0), *((1.0, *of) for of in itertools.product(CORRELATIONS, PERSISTING))]
+    ordinary = np.array([(s, *way) for way in ways for s in NOISE])
+    rate = np.where(ordinary[:, 3] > 0, hypothesis.LN_RATE, 0.0)
+    none = np.zeros((len(y), 0))
+    with_it, without = (
+        (_core.weigh(B[:, some], y, D, line, none, [], ordinary)[:, 0] + rate).max()
+        for some in (slice(None), np.arange(B.shape[1]) != own)
+    )
+    return float(with_it - without) + slip.log_odds - (slip.first.log_odds if slip.first else 0.0)
+
+
 def _puzzling(found: list[Explained]) -> bool:
     """Return whether the likeliest of some explanations is none."""
-    return bool(found) and (vague(found[0]) or not found[0].cause.consistent)
+    return not found or vague(found[0]) or not found[0].cause.consistent
 
 
 def _once(found: list[Explained]) -> list[Explained]:
@@ -251,15 +276,31 @@ def suspicion(fit: Calibration) -> float:
     return float(gain.max(initial=-math.inf)) + hypothesis.LN_RATE
 
 
-def _tried(case: Case) -> list[Hypothesis]:
-    """Return every hypothesis of one unknown, and of the others those that contradict least."""
+def _tried(case: Case) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    """Return the likeliest hypotheses to first order and those that contradict least; and more."""
     every = [of for kind in CAUSES for of in _stated(kind, case)]
     if case.first is not None:
         every = [of for of in every if of.kind not in VAGUE]
-    sized = [of for of in every if of.size is not None or of.kind in ALWAYS]
-    others = [of for of in every if of.size is None and of.kind not in ALWAYS]
-    far = [_contradiction(case, of) for of in others]
-    return sized + [others[k] for k in np.argsort(far, kind="stable")[:FITTED]]
+    always = [of for of in every if of.kind in ALWAYS]
+    every, linear = [of for of in every if of.kind not in ALWAYS], case.linear
+    columns = [linear.columns(of) if linear else None for of in every]
+    first = [of for of, by in zip(every, columns, strict=True) if by is not None]
+    odds = np.zeros(0)
+    if linear is not None and first:
+        none, *own = linear.weigh([by for by in columns if by is not None])[0]
+        odds = np.array(own) - none + [of.log_odds for of in first]
+    others = [of for of, by in zip(every, columns, strict=True) if by is None]
+    sized = [of for of in others if of.size is not None]
+    others = [of for of in others if of.size is None]
+    own, *far = _contradictions(case, [case.nothing(), *others])
+    near = min(min(far, default=own) + FAR, own + NEAR)
+    likely, rest = list[Hypothesis](), list[Hypothesis]()
+    for k, at in enumerate(np.argsort(-odds, kind="stable")[: 2 * LIKELY]):
+        good = k < LIKELY and odds[at] > odds.max() * ROUGH - FAR
+        (likely if good else rest).append(first[at])
+    for k, at in enumerate(np.argsort(far, kind="stable")[: 2 * FITTED]):
+        (likely if k < FITTED and far[at] < near else rest).append(others[at])
+    return [*likely, *sized, *always], rest
 
 
 def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
@@ -268,16 +309,32 @@ def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
         yield from (replace(of, kind=kind) for of in CAUSES[kind](case))
 
 
-def _contradiction(case: Case, of: Hypothesis) -> float:
-    """Return how far readings are from the motors' prediction; a row without one counts most."""
-    seen, log = expect(of.robot, of.log.readings), of.log
-    read = np.isfinite(log.readings[:, of.robot.m :])
-    each = np.log1p((seen.residual / seen.sigma) ** 2)
-    off = np.where(np.isfinite(each), each, 30.0)[read]
-    far = float(off.mean()) if off.size else 30 * float(np.isnan(seen.x).any(axis=1).mean())
-    if log.measured is not None:
-        far += outside.View(case.under(of)).distance(log.measured)
-    return far
+def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
+    """Return how far some rows are from the motors' prediction: -ln likelihood, of Cauchy errors.
+
+    A row without a pose counts most.
+    """
+    n, readings = case.robot.m, case.log.readings
+    read = np.flatnonzero(finite_rows(readings[:, :n]))
+    rows = read[np.linspace(0, len(read) - 1, min(len(read), COMPARED)).astype(int)]
+    usual = case.robot.expected()
+    usual_at = usual.extended_positions(samples_or_home(usual, 20), errors="nan")
+    sigma = np.nanmedian(expect(case.robot, usual_at).sigma, axis=0) if usual.r else np.zeros(0)
+    result = np.zeros(len(every))
+    count = max(int(np.isfinite(readings[:, n:]).sum()), len(readings))
+    for k, of in enumerate(every):
+        model = usual if of.robot is case.robot else of.robot.expected()
+        log = of.log.only(rows)
+        x = poses_of(model, log.readings[:, :n])
+        expected = _core.extended(model.stiff.core, x, False)[0]
+        off = _core.innovation(model.core, log.readings, expected)[0][:, n:]
+        each = np.log1p((off / sigma) ** 2)
+        off = np.where(np.isfinite(each), each, 30.0)[np.isfinite(log.readings[:, n:])]
+        far = float(off.mean()) if off.size else 30 * float(np.isnan(x).any(axis=1).mean())
+        if log.measured is not None:
+            far += outside.View(case.under(of).only(rows)).distance(log.measured)
+        result[k] = far * count - of.log_odds - of.density
+    return result
 
 
 def _judged(base: Calibration | None, found: list[Explained]) -> Search:
