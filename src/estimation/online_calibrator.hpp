@@ -26,6 +26,13 @@ struct OnlineCalibrator {
   Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
 };
 
+inline constexpr int kReplayed = 3;  ///< rows of a cycle at most, when a change was recognised
+
+/// Whether rows wait to be processed: the robot is the one before.
+inline bool replaying(const OnlineCalibrator& learner) {
+  return learner.state.window && learner.state.window->next < learner.state.window->last;
+}
+
 /// Runs one cycle. Bounded work, no allocation, no exception.
 /// @return outcome of this row or, if it is no information, of the last one: only `ok` means that
 /// all of it was used. `stopped` from the cycle in which the filter stops, with the last good robot
