@@ -193,18 +193,22 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   };
   for (int k = 0; k < changes.sets; ++k) compare(ChangeKind::part, k, gain(k));
   for (int c = 0; c < readings; ++c) compare(ChangeKind::fault, c, gain(changes.sets + c));
+  const Real steps_top = top;
   for (int c = 0; c < readings; ++c)
-    for (std::size_t f = 0; f < kFactor.size(); ++f)
-      if (kFactor[f] > 1 ? kFactor[f] * sigma[c] < kNoisiest * window.sigma[c]
-                         : sigma[c] > 1.5 * window.sigma[c])
-        compare(ChangeKind::noise, static_cast<int>(f) * readings + c,
-                {window.noisy[f][c] + kLogNoise, window.chi2});
+    for (std::size_t f = 0; f < kFactor.size(); ++f) {
+      if (kFactor[f] < 1 && sigma[c] < 1.5 * window.sigma[c]) continue;
+      const bool wild = kFactor[f] * sigma[c] > kNoisiest * window.sigma[c];
+      compare(wild ? ChangeKind::fault : ChangeKind::noise,
+              wild ? c : static_cast<int>(f) * readings + c,
+              {window.noisy[f][c] + kLogNoise, window.chi2});
+    }
+  const bool noisy = top > steps_top;
   // Relative to the likeliest.
   const Real none = std::exp(-top);
   Real parts = 0, faults = 0;
   for (int k = 0; k < changes.sets; ++k) parts += std::exp(gain(k).log_odds - top);
   for (int c = 0; c < readings; ++c) faults += std::exp(gain(changes.sets + c).log_odds - top);
-  const Real all = none + parts + faults + (best.kind == ChangeKind::noise);
+  const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;
   finding.fits = window.used >= kUsed * window.next &&
@@ -214,7 +218,9 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
     const int c = best.which % readings;
     sigma[c] *= kFactor[best.which / readings];
     best.which = c;
-  } else if (faults < 0.5 * all) {
+  } else if (noisy || faults >= 0.5 * all) {
+    best.kind = ChangeKind::fault;
+  } else {
     best.kind = ChangeKind::part;
     for (int k = 0; k < changes.sets; ++k) {
       const Real share = std::exp(gain(k).log_odds - top) / parts;

@@ -40,7 +40,7 @@ inline constexpr int kWindow = 100;  ///< rows explained together
 inline constexpr int kDecide = 50;   ///< rows between decisions
 inline constexpr int kStored = kWindow + kWindow / 2;
 inline constexpr int kNews = 8;            ///< recognised changes that are kept
-inline constexpr int kOpenings = 4;        ///< changes of one window, one after another
+inline constexpr int kOpenings = 8;        ///< changes of one window, one after another
 inline constexpr Real kDecisive = 0.9;     ///< probability of a change
 inline constexpr Real kFault = 0.02;       ///< σ of a faulty reading's bias and drift, rad or m
 inline constexpr Real kLogFault = -11;     ///< log odds of a reading's fault in a window
@@ -64,7 +64,7 @@ struct Window {
   Real* stored = nullptr;    ///< kStored × readings
   Real* about = nullptr;     ///< ξ of linearisation of a replay
   std::array<Extended, kFactor.size()> noisy{};  ///< log odds
-  Extended sigma{};          ///< of new readings
+  Extended sigma{}, before{};  ///< of new readings; at the window's start
   int rows = 0, used = 0;    ///< with a pose; in the filter
   int last = 0, next = 0;    ///< rows stored, and the next one to process
   int goal = 0, passes = 0;  ///< end of a replay, and passes left
@@ -72,6 +72,7 @@ struct Window {
   Real chi2 = 0;
   Real moved = 0;      ///< amount of the payload by which the start was moved
   bool gross = false;  ///< the last row was far off
+  int suspect = -1;    ///< reading that alone explains why the filter stopped
   std::array<Recognised, kNews> news{};
   long recognised = 0;  ///< number of changes so far; the last kNews in turn in `news`
 };

@@ -35,6 +35,7 @@ void begin_window(OnlineCalibrator& learner) {
   const ChangeSettings& changes = learner.settings.changes;
   const int m = readings(*learner.drawn);
   keep(state, window.base);
+  window.before = state.sigma;
   std::fill_n(window.share, changes.count, 0.0);
   std::copy(window.stored + window.next * m, window.stored + window.last * m, window.stored);
   window.last -= std::exchange(window.next, 0);
@@ -67,7 +68,6 @@ void conclude(OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
   Window& window = *state.window;
   const int m = readings(*learner.drawn);
-  const Extended sigma = state.sigma;
   Finding finding = decide(learner.settings.changes, m, window, state.sigma);
   const ChangeKind kind = finding.likeliest.kind;
   const bool opens = finding.decisive && kind != ChangeKind::fault;
@@ -79,17 +79,23 @@ void conclude(OnlineCalibrator& learner) {
   }
   if (finding.decisive || !finding.fits) {  // a fault, or nothing explains the rows
     window.recognised -= std::min(window.openings, kOpenings);  // they did not explain it, either
-    report(learner, finding.likeliest, opens || !finding.decisive ? ChangeKind::unexplained : kind);
-    state.sigma = sigma;
+    const bool fault = finding.decisive && kind == ChangeKind::fault;
+    if (window.suspect < 0 && fault) window.suspect = finding.likeliest.which;
+    if (window.suspect >= 0) finding.likeliest.which = window.suspect;
+    report(learner, finding.likeliest,
+           window.suspect < 0 ? ChangeKind::unexplained : ChangeKind::fault);
+    state.sigma = window.before;
     hand_over(state, window.base);
     state.doubt.stopped = true;
-    state.doubt.suspect = kind == ChangeKind::fault ? finding.likeliest.which : -1;
+    state.doubt.suspect = window.suspect;
     return begin_window(learner);
   }
   if (state.doubt.stopped && finding.unchanged) {  // the rows agree again
     hand_over(state, window.mean);
     state.doubt = {};
+    window.suspect = -1;
   }
+  if (window.openings > 0) window.suspect = -1;
   if (window.next >= kWindow || window.openings > 0) begin_window(learner);
 }
 
@@ -103,6 +109,7 @@ Outcome advance(Level level, OnlineCalibrator& learner) {
   const bool stopped = state.doubt.stopped;
   const Outcome outcome = learn(level, learner, q_e);
   ++window.next;
+  if (state.doubt.stopped && !stopped) window.suspect = state.doubt.suspect;
   if (window.passes > 0) {
     if (window.next < window.goal) return outcome;
     const bool again = --window.passes > 0;
