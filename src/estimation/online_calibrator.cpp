@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "estimation/linearise.hpp"
+
 namespace truepose {
 namespace {
 constexpr int kSoon = 10;  ///< rows within which disagreement stops the filter
@@ -99,6 +101,33 @@ void conclude(OnlineCalibrator& learner) {
   if (window.next >= kWindow || window.openings > 0) begin_window(learner);
 }
 
+/// Makes `robot` that at ξ̂; of one in use, nearer to it, but as it was while rows wait.
+Outcome publish(Level level, OnlineCalibrator& learner) {
+  const Robot& drawn = *learner.drawn;
+  const Real* xi = learner.state.xi;
+  Real* const in_use = learner.in_use;
+  if (!in_use) return set_parameters(drawn, xi, learner.robot);
+  Outcome outcome = set_parameters(drawn, in_use, learner.robot);
+  const int width = parameter_count(drawn);
+  if (!outcome || replaying(learner) || std::equal(in_use, in_use + width, xi)) return outcome;
+  Extended expected;
+  PoseRows H_x;
+  Parasitic rest;
+  Real* const H_xi = learner.work;
+  outcome = linearise(level, learner.robot, learner.pose, expected, H_x, H_xi, &rest);
+  if (!outcome) return outcome;
+  Real share = 1;
+  for (int c = 0; c < drawn.motors; ++c) {
+    const Real jump =
+        sum_of(width, [&](int k) { return H_xi[c * width + k] * (xi[k] - in_use[k]); });
+    const Real most = kJump * learner.state.sigma[c];
+    if (std::fabs(jump) > most) share = std::min(share, most / std::fabs(jump));
+  }
+  for (int k = 0; k < width; ++k)
+    in_use[k] = share < 1 ? in_use[k] + share * (xi[k] - in_use[k]) : xi[k];
+  return set_parameters(drawn, in_use, learner.robot);
+}
+
 /// Processes the next stored row. @return its outcome
 Outcome advance(Level level, OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
@@ -141,17 +170,18 @@ Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended&
     if (news && !all_finite(q_e, m)) return {Status::not_finite, -1};
     if (news && window->last < kStored)
       std::copy_n(q_e.begin(), m, window->stored + window->last++ * m);
-    if (!replaying(learner)) return outcome;
+    if (!replaying(learner)) {
+      const Outcome believed = publish(level, learner);
+      return believed ? outcome : believed;
+    }
     for (int k = 0; k < kReplayed && replaying(learner); ++k) outcome = advance(level, learner);
   } else {
     if (state.doubt.stopped) return {Status::stopped, -1};
     if (!news) return outcome;
     outcome = learn(level, learner, q_e);
   }
-  if (!replaying(learner)) {
-    const Outcome believed = set_parameters(*learner.drawn, state.xi, learner.robot);
-    if (!believed) return believed;
-  }
+  const Outcome believed = publish(level, learner);
+  if (!believed) return believed;
   if (!news) return learner.made = outcome;
   if (outcome.status != Status::not_finite) {  // a bad row, too, counts once
     learner.last = q_e;
@@ -169,6 +199,6 @@ Outcome roll_back(OnlineCalibrator& learner) {
   state.doubt.blame = {};
   state.doubt.since = 0;
   if (state.window) begin_window(learner);
-  return set_parameters(*learner.drawn, state.xi, learner.robot);
+  return publish(level_of(*learner.drawn), learner);
 }
 }  // namespace truepose

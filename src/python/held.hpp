@@ -104,6 +104,7 @@ struct Online : OnlineCalibrator {
   std::vector<double> remembered;
   Window window;
   std::vector<Recognised> recognised;
+  std::vector<double> used;  ///< ξ of the robot in use
 
   /// @param drift  one row per random walk, one column per uncertain parameter
   /// @param step  one row per change, of each change the log odds, and the end of its steps
@@ -147,6 +148,8 @@ struct Online : OnlineCalibrator {
     static_cast<void>(set_parameters(nominal, xi.data(), robot));
     pose = to_pose(of.mobility, of.home);
     last.fill(INFINITY);
+    used = xi;
+    in_use = state.window ? used.data() : nullptr;
     return *this;
   }
   /// One row of a log, whatever it was before: also once updates have stopped.
