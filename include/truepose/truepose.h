@@ -744,24 +744,24 @@ truepose_online_calibrator_roll_back(truepose_online_calibrator* calibrator);
 
 /** Changes of a machine at work, from a prior: a constant that `truepose export c` writes. */
 typedef struct truepose_changes {
-  int32_t steps;                           /**< number of steps of the geometry */
-  int32_t count;                           /**< of changes: the steps that happen together */
-  int32_t drifts;                          /**< of random walks */
-  int32_t load;                            /**< step that is a payload, or -1 */
-  const truepose_real* step;               /**< steps by p: 1 σ of each */
-  const int32_t* end;                      /**< index after the last step of each change */
-  const truepose_real* log_odds;           /**< of each change in 100 rows */
-  const truepose_real* drift;              /**< drifts by p: 1 σ of each in a row */
-  truepose_real force[TRUEPOSE_FREEDOMS];  /**< of the payload, 1 σ */
+  int32_t steps;                             /**< number of steps of the geometry */
+  int32_t count;                             /**< of changes: the steps that happen together */
+  int32_t drifts;                            /**< of random walks */
+  int32_t load;                              /**< step that is a payload, or -1 */
+  const truepose_real* step;                 /**< steps by p: 1 σ of each */
+  const int32_t* end;                        /**< index after the last step of each change */
+  const truepose_real* log_odds;             /**< of each change in 100 rows */
+  const truepose_real* drift;                /**< drifts by p: 1 σ of each in a row */
+  truepose_real force[TRUEPOSE_FREEDOMS];    /**< of the payload, 1 σ */
   truepose_real compliance[TRUEPOSE_MOTORS]; /**< of the motors' readings under their torque */
 } truepose_changes;
 
 enum { TRUEPOSE_RECOGNISED = 8 /**< recognised changes that are kept */ };
 typedef enum truepose_change_kind {
-  TRUEPOSE_CHANGED_PART,  /**< `which` change: the geometry follows */
-  TRUEPOSE_FAULT,         /**< of the reading `which`: its rows are not used */
-  TRUEPOSE_NOISE,         /**< of the reading `which`: it counts less, or more */
-  TRUEPOSE_UNEXPLAINED    /**< rows that nothing explains are not used */
+  TRUEPOSE_CHANGED_PART, /**< `which` change: the geometry follows */
+  TRUEPOSE_FAULT,        /**< of the reading `which`: its rows are not used */
+  TRUEPOSE_NOISE,        /**< of the reading `which`: it counts less, or more */
+  TRUEPOSE_UNEXPLAINED   /**< rows that nothing explains are not used */
 } truepose_change_kind;
 /** A change that was recognised. */
 typedef struct truepose_recognised {
@@ -777,11 +777,11 @@ TRUEPOSE_API size_t truepose_online_calibrator_follow_memory(
  * no setpoint changes by more than a tenth of a count a cycle. A step is three rows at most.
  * @param changes  of the calibrator's prior; it and the arrays must stay in place
  * @return TOO_SMALL, UNFINISHED */
-TRUEPOSE_API truepose_outcome
-truepose_online_calibrator_follow(truepose_online_calibrator* calibrator,
-                                  const truepose_changes* changes, truepose_real* memory,
-                                  size_t count);
-/** Number of changes recognised so far, the latest one last, in turn in `latest`. @return UNFINISHED
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_follow(
+    truepose_online_calibrator* calibrator, const truepose_changes* changes, truepose_real* memory,
+    size_t count);
+/** Number of changes recognised so far, the latest one last, in turn in `latest`. @return
+ * UNFINISHED
  */
 TRUEPOSE_API truepose_outcome
 truepose_online_calibrator_changes(const truepose_online_calibrator* calibrator, int64_t* count,

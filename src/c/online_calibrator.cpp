@@ -39,9 +39,14 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
 }
 
 ChangeSettings settings_of(const truepose_changes& changes) {
-  return {changes.steps,    changes.step, changes.count,
-          changes.end,      changes.log_odds, changes.load,
-          in<Coordinates>(changes.force), in<Joint>(changes.compliance)};
+  return {changes.steps,
+          changes.step,
+          changes.count,
+          changes.end,
+          changes.log_odds,
+          changes.load,
+          in<Coordinates>(changes.force),
+          in<Joint>(changes.compliance)};
 }
 
 std::size_t memory_of(const OnlineCalibrator& learner, const ChangeSettings& changes) {

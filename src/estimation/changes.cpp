@@ -78,8 +78,7 @@ void restart(const ChangeSettings& changes, int readings, int p, Window& window,
   const int K = responses(changes, readings);
   std::copy_n(window.base, p * (p + 1), window.mean);
   if (changes.load >= 0)
-    for (int j = 0; j < p; ++j)
-      window.mean[j] += window.moved * changes.step[changes.load * p + j];
+    for (int j = 0; j < p; ++j) window.mean[j] += window.moved * changes.step[changes.load * p + j];
   for (int k = 0; k < changes.count; ++k) {
     if (!(window.share[k] > 0)) continue;
     for (int j = 0; j < p; ++j) work[j] = std::sqrt(window.share[k]) * changes.step[k * p + j];
@@ -211,8 +210,8 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;
-  finding.fits = window.used >= kUsed * window.next &&
-                 left <= beyond(kFit, std::max(1, window.freedom));
+  finding.fits =
+      window.used >= kUsed * window.next && left <= beyond(kFit, std::max(1, window.freedom));
   if (!finding.decisive) return finding;
   if (best.kind == ChangeKind::noise) {
     const int c = best.which % readings;

@@ -48,9 +48,8 @@ bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& 
   if (!factors.regular()) return false;
   const Unknowns torque = factors.solve(changes.force.data());
   for (int i = 0; i < rows - n; ++i)
-    loaded[i] = sum_of(n, [&](int c) {
-      return G[i * rows + c] * changes.compliance[c] * torque[c] / sigma[c];
-    });
+    loaded[i] = sum_of(
+        n, [&](int c) { return G[i * rows + c] * changes.compliance[c] * torque[c] / sigma[c]; });
   return true;
 }
 }  // namespace
@@ -102,8 +101,8 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
   const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + rows);
   const Real curvature = settings.linearised ? 0 : kCurvature * coarsest;
   if (without < 0 && state.window) {
-    Equations row{rows - n,       rows, work.F, work.G + n * rows, e.data() + n, state.xi,
-                  nullptr, curvature};
+    Equations row{rows - n,     rows,     work.F,  work.G + n * rows,
+                  e.data() + n, state.xi, nullptr, curvature};
     if (settings.linearised) row.about = settings.linearised;
     std::array<Real, kMaxReadings> loaded;
     if (by_payload(n, rows, settings.changes, known.sigma, line.H_x, row.G, loaded))

@@ -20,8 +20,8 @@ struct OnlineState {
   Real* root = nullptr;                  ///< S, p×p by rows, lower triangular
   Extended sigma{};                      ///< σ of every reading's own error, > 0
   int due = 0;                           ///< index of the next drift
-  Real* kept = nullptr;  ///< online_kept(count) numbers to roll back to; nullptr: none
-  ResidualTest doubt{};  ///< disagreement of the readings, and whether it stopped the filter
+  Real* kept = nullptr;      ///< online_kept(count) numbers to roll back to; nullptr: none
+  ResidualTest doubt{};      ///< disagreement of the readings, and whether it stopped the filter
   Window* window = nullptr;  ///< evidence of changes; nullptr: none
 };
 

@@ -156,8 +156,8 @@ void bind_calibration(nb::module_& m) {
       .def_ro("sigma", &Known::sigma);
   nb::class_<Online>(m, "Online")
       .def(nb::init<const Robot&, const Known&, const std::vector<double>&, const RowMatrix&,
-                    double, bool, const RowMatrix&, const std::vector<double>&,
-                    const std::vector<int>&, int, const Coordinates&, const Joint&>())
+                    double, bool, const RowMatrix&, const std::vector<int>&,
+                    const std::vector<double>&, int, const Coordinates&, const Joint&>())
       .def("observe", &batch_observe)
       .def("resume", &Online::resume)
       .def_prop_ro("memory", &Online::memory)

@@ -110,7 +110,7 @@ struct Online : OnlineCalibrator {
   /// @param step  one row per change, of each change the log odds, and the end of its steps
   Online(const Robot& of, const Known& known, const std::vector<double>& mean,
          const RowMatrix& drift, double gate, bool full, const RowMatrix& step,
-         const std::vector<double>& odds, const std::vector<int>& end, int load,
+         const std::vector<int>& end, const std::vector<double>& odds, int load,
          const Coordinates& force, const Joint& compliance)
       : nominal(of),
         prior(known),
@@ -123,9 +123,12 @@ struct Online : OnlineCalibrator {
         log_odds(odds),
         ends(end) {
     drawn = &nominal;
-    settings = {drifts.rows(), drifts.data(), nullptr, gate,
-                {steps.rows(), steps.data(), static_cast<int>(ends.size()), ends.data(), log_odds.data(), load, force,
-                 compliance}};
+    settings = {drifts.rows(),
+                drifts.data(),
+                nullptr,
+                gate,
+                {steps.rows(), steps.data(), static_cast<int>(ends.size()), ends.data(),
+                 log_odds.data(), load, force, compliance}};
     state = {prior.count(), prior.column.data(),
              xi.data(),     prior.root.data(),
              prior.sigma,   0,
@@ -196,8 +199,7 @@ struct Online : OnlineCalibrator {
     std::memcpy(&window, evidence.data(), evidence.size());
     recognised.resize(news.size() / sizeof recognised[0]);
     std::memcpy(recognised.data(), news.data(), news.size());
-    if (state.window)
-      lay_out(nominal, state.count, settings.changes, remembered.data(), window);
+    if (state.window) lay_out(nominal, state.count, settings.changes, remembered.data(), window);
   }
 };
 }  // namespace truepose::python

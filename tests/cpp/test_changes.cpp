@@ -17,9 +17,12 @@ class Scene {
         level_(level) {
     std::vector<double> xi(parameter_count(drawn_));
     CHECK(drawn_parameters(drawn_, xi.data()) && set_parameters(drawn_, xi.data(), truth));
+    learner.robot = truth;
   }
   /// Homes the first motor anew.
-  void home() { truth.chain[0].encoder_offset += truth.chain[0].actuator == Actuator::revolute ? 12e-3 : 4e-3; }
+  void home() {
+    truth.chain[0].encoder_offset += truth.chain[0].actuator == Actuator::revolute ? 12e-3 : 4e-3;
+  }
 
   /// The true machine's readings at a random pose, off by at most √3 σ.
   Extended read() {
@@ -63,7 +66,8 @@ class Scene {
 };
 }  // namespace
 
-TEST_EACH(for_each_model, "a motor that is homed anew is recognised, and no machine that is as before") {
+TEST_EACH(for_each_model,
+          "a motor that is homed anew is recognised, and no machine that is as before") {
   Scene same(mechanism, 81, level);
   same.work(200);
   CHECK(same.window().recognised == 0 && !same.learner.state.doubt.stopped);
@@ -111,7 +115,6 @@ TEST_EACH(for_each, "the robot in use approaches what is learnt by a tenth of a 
       moved += std::fabs(is[i] - was[i]);
     }
   }
-  if (most > 1.1 * kJump * 1e-5) std::printf("ratio %g\n", most / (kJump * 1e-5));
   CHECK(most < 1.1 * kJump * scene.learner.state.sigma[0]);
   CHECK(moved > 0);
 }

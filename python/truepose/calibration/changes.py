@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from truepose.arguments import Array
 from truepose import _core
+from truepose.arguments import Array
 from truepose.robot import Robot, angles, conditions, knowledge, workspace_samples
 from truepose.robot import compliance as compliances
 
 #: Assumed probability in a window of rows, over that of no change: of a warm-up; of a payload or
 #: wear; of a motor, a sensor or a part, all of a kind together.
 DAILY, OFTEN, SELDOM = 0.3, 0.1, 0.03
+#: Share of each condition's σ by which it may change from one row of readings to the next.
+WALK = 0.02
 #: Poses over which a payload is approximated by a constant change of the geometry.
 POSES = 50
 
@@ -64,7 +68,9 @@ def changes(robot: Robot) -> list[Change]:
     for name, step in _conditions(robot).items():
         kind = name.partition(".")[0]
         warm = kind in ("temperature", "warm_up", "gradient")
-        steps = {n: s for n, s in zip(robot.parameters, step.tolist(), strict=True) if s and n in names}
+        steps = {
+            n: s for n, s in zip(robot.parameters, step.tolist(), strict=True) if s and n in names
+        }
         apart = {n.partition(".")[0] for n in steps} if kind == "gradient" else {""}
         by.setdefault("warm-up" if warm else kind, []).extend(
             {n: s for n, s in steps.items() if n.startswith(part)} for part in sorted(apart)
@@ -76,54 +82,59 @@ def changes(robot: Robot) -> list[Change]:
 
 
 def _conditions(robot: Robot) -> dict[str, Array]:
-    """Return the directions of the conditions; a payload's is the nearest over the workspace."""
+    """Return the conditions' directions; a payload's is the constant one nearest to it at work."""
     result = conditions.directions(robot)
-    loaded = [name for name in result if name.startswith("payload")]
-    if not loaded:
+    amounts = conditions.known(robot)
+    if not any(one.source.startswith("payload") for one in amounts):
         return result
+    names, every = knowledge.uncertain(robot), list(robot.parameters)
     x = workspace_samples(robot, POSES, np.random.default_rng(0))
-    full = robot.is_full(robot.highest_level)
-    amounts = {one.name: (k, one.sigma) for k, one in enumerate(conditions.known(robot))}
-    by = conditions.columns(robot, x, full)
-    names = knowledge.uncertain(robot)
-    tolerances = robot.with_calibration(None).parameters
-    tolerance = np.array([tolerances[name].sigma for name in names])
-    sigma = knowledge.stated_sigma(robot, None)[:, None]
-    F = (knowledge.linearized(robot, x, names, "nan")[1] / sigma * tolerance).reshape(-1, len(names))
-    every = list(robot.parameters)
-    at = [every.index(name) for name in names]
-    for name in loaded:
-        k, one = amounts[name]
-        wanted = (one * by[..., k] / sigma[:, 0]).ravel()
-        good = np.isfinite(wanted) & np.isfinite(F).all(axis=1)
-        A = F[good]
-        step = np.linalg.solve(A.T @ A + len(A) * 1e-6 * np.eye(len(names)), A.T @ wanted[good])
-        result[name] = np.zeros(len(every))
-        result[name][at] = tolerance * step
+    by = conditions.columns(robot, x, robot.is_full(robot.highest_level))
+    file = robot.with_calibration(None).parameters
+    tolerance = np.array([file[name].sigma for name in names])
+    sigma = knowledge.stated_sigma(robot, None)
+    H = knowledge.linearized(robot, x, names, "nan")[1] / sigma[:, None] * tolerance
+    usable = np.isfinite(H).all(axis=(1, 2)) & np.isfinite(by).all(axis=(1, 2))
+    F = H[usable].reshape(-1, len(names))
+    damped = F.T @ F + len(F) * 1e-6 * np.eye(len(names))
+    for k, one in enumerate(amounts):
+        if one.source.startswith("payload"):
+            wanted = one.sigma * (by[usable, :, k] / sigma).ravel()
+            result[one.name] = np.zeros(len(every))
+            at = [every.index(name) for name in names]
+            result[one.name][at] = tolerance * np.linalg.solve(damped, F.T @ wanted)
     return result
 
 
-def arrays(names: list[str], found: list[Change]) -> tuple[Array, list[int], list[float]]:
-    """Return steps (K, p), the end of each change's, and log odds as the core takes them."""
-    steps = [step for change in found for step in change.steps]
-    rows = np.array([[step.get(name, 0.0) for name in names] for step in steps])
-    ends = np.cumsum([len(change.steps) for change in found]).tolist()
-    return rows.reshape(-1, len(names)), ends, [math.log(change.odds) for change in found]
+class Expected(NamedTuple):
+    """Changes as the core takes them, for p uncertain parameters."""
+
+    step: Array  #: (K, p) one σ of each step
+    end: list[int]  #: index after the last step of each change
+    log_odds: list[float]  #: of each change
+    load: int  #: index of the payload's step, whose effect turns with the pose; -1: none
+    force: Array  #: of the payload, N, one σ
+    compliance: Array  #: of the motors' readings under their torque
+
+    @classmethod
+    def of(cls, robot: Robot, found: Sequence[Change]) -> Self:
+        """Return the changes of a robot."""
+        names = knowledge.uncertain(robot)
+        steps = [step for change in found for step in change.steps]
+        rows = np.array([[step.get(name, 0.0) for name in names] for step in steps])
+        end = np.cumsum([len(change.steps) for change in found], dtype=int).tolist()
+        odds = [math.log(change.odds) for change in found]
+        return cls(rows.reshape(-1, len(names)), end, odds, *_payload(robot, found, end))
 
 
-def payload(robot: Robot, found: list[Change]) -> tuple[int, Array, Array]:
-    """Return the index of the payload's step, its force, N, and the motors' compliances.
-
-    -1 without a payload, or where other parts than the arms yield.
-    """
-    at, force, compliance = -1, np.zeros(6), np.zeros(_core.max_motors)
-    steps = 0
-    for change in found:
-        if change.name == "payload" and len(change.steps) == 1:
-            at = steps
-        steps += len(change.steps)
+def _payload(robot: Robot, found: Sequence[Change], end: Sequence[int]) -> tuple[int, Array, Array]:
+    """Return the payload's step, force and compliances; -1 where more than arms yield."""
+    force, compliance = np.zeros(6), np.zeros(_core.max_motors)
+    loads = [
+        e - 1 for c, e in zip(found, end, strict=True) if (c.name, len(c.steps)) == ("payload", 1)
+    ]
     section, given = robot.spec.conditions, compliances.of_all(robot)
-    if at < 0 or section is None or robot.m != robot.n:
+    if not loads or section is None or robot.m != robot.n:
         return -1, force, compliance
     if not given.any():
         given = np.repeat([section.chain_compliance, section.arm_compliance], robot.m)
@@ -133,4 +144,11 @@ def payload(robot: Robot, found: list[Change]) -> tuple[int, Array, Array]:
     lengths = ~angles(robot)
     force[: robot.n][lengths] = mass * np.array(robot.spec.gravity)[: lengths.sum()]
     compliance[: robot.m] = -given[robot.m :]
-    return at, force, compliance
+    return loads[0], force, compliance
+
+
+def drift(robot: Robot) -> Array:
+    """Return how each of the file's [conditions] may change every parameter in one row, (k, p)."""
+    every = list(robot.parameters)
+    moved = np.array([*conditions.directions(robot).values()]).reshape(-1, len(every))
+    return WALK * moved[:, [every.index(name) for name in knowledge.uncertain(robot)]]

@@ -12,7 +12,8 @@ from truepose.arguments import Array, Errors, Level, sigmas_of
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.search import search
-from truepose.calibration.changes import arrays, changes, payload
+from truepose.calibration.changes import Expected, changes
+from truepose.calibration.changes import drift as drift_of
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.log_checks import log_of
 from truepose.calibration.options import CalibrationOptions, ModelError
@@ -26,12 +27,8 @@ from truepose.robot import (
     require_robot,
     warn_if_stiff,
 )
-from truepose.robot.conditions import directions, reading_offsets
+from truepose.robot.conditions import reading_offsets
 from truepose.robotfile.to_core import columns
-
-
-#: Share of each condition's σ by which it may change from one row of readings to the next.
-WALK = 0.02
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,7 @@ class OnlineCalibrator:
         if drift is None:
             drift = {}
             if self._changes:
-                return WALK * self._conditions()
+                return drift_of(self._robot)
         walks = [drift] if isinstance(drift, Mapping) else drift
         together = walks is drift
         rows = []
@@ -143,20 +140,13 @@ class OnlineCalibrator:
         result = np.array(rows) if together else np.diag(rows[0])
         return result[result.any(axis=1)]
 
-    def _conditions(self) -> Array:
-        """Return what 1σ of each of the file's conditions adds to every parameter, (k, p)."""
-        every = list(self._robot.parameters)
-        moved = np.array([*directions(self._robot).values()]).reshape(-1, len(every))
-        return moved[:, [every.index(name) for name in self._names]]
-
     def _start(self, xi: Array, root: Array | None = None) -> None:
         model, full = self._robot, self._robot.is_full(self.level)
         known = knowledge.knowledge(model, root, level=self.level, error=self._error).core
-        step, ends, odds = arrays(self._names, self._changes)
-        load = payload(model, self._changes)
+        expected = Expected.of(model, self._changes)
         self._sigma = np.array(known.sigma)[: model.m + model.r]
         self._filter = _core.Online(
-            model.core_drawn, known, xi, self._drift, self._gate, full, step, odds, ends, *load
+            model.core_drawn, known, xi, self._drift, self._gate, full, *expected
         )
 
     def __getstate__(self) -> dict:
@@ -237,7 +227,10 @@ class OnlineCalibrator:
                 raise InputError(choose("sensor", sensor, offsets))
             own = f"{sensor}." if sensor in self._robot.sensors else offsets[sensor]
             fresh += [name for name in self._names if name.startswith(own)]
-        file, column = self._robot.with_calibration(None).parameters, dict(columns(self._robot.spec))
+        file, column = (
+            self._robot.with_calibration(None).parameters,
+            dict(columns(self._robot.spec)),
+        )
         xi, root = np.array(self._filter.xi), np.array(self._filter.root)
         at = [self._names.index(name) for name in fresh]
         root[at] = 0.0

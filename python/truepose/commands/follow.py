@@ -158,7 +158,5 @@ def _lines(path: Path | None, end_after: float | None) -> Iterator[tuple[int, st
             return
         if silent >= SILENT and not said:
             said = True
-            say(
-                f"truepose: no row for {SILENT:g} s: the last good geometry stays in use", err=True
-            )
+            say(f"truepose: no row for {SILENT:g} s: the last good geometry stays in use", err=True)
         time.sleep(PAUSE)

@@ -1,6 +1,5 @@
 """Life-cycle study: the accuracy of each law after what a year does to a calibrated robot."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
