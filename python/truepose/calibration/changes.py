@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
@@ -68,12 +67,11 @@ def changes(robot: Robot) -> list[Change]:
     for name, step in _conditions(robot).items():
         kind = name.partition(".")[0]
         warm = kind in ("temperature", "warm_up", "gradient")
-        steps = {
-            n: s for n, s in zip(robot.parameters, step.tolist(), strict=True) if s and n in names
-        }
-        apart = {n.partition(".")[0] for n in steps} if kind == "gradient" else {""}
+        every = zip(robot.parameters, step.tolist(), strict=True)
+        moves = {n: size for n, size in every if size and n in names}
+        apart = {n.partition(".")[0] for n in moves} if kind == "gradient" else {""}
         by.setdefault("warm-up" if warm else kind, []).extend(
-            {n: s for n, s in steps.items() if n.startswith(part)} for part in sorted(apart)
+            {n: s for n, s in moves.items() if n.startswith(part)} for part in sorted(apart)
         )
     for name, steps in by.items():
         if any(steps):
@@ -110,8 +108,8 @@ class Expected(NamedTuple):
     """Changes as the core takes them, for p uncertain parameters."""
 
     step: Array  #: (K, p) one σ of each step
-    end: list[int]  #: index after the last step of each change
-    log_odds: list[float]  #: of each change
+    end: Array  #: index after the last step of each change
+    log_odds: Array  #: of each change
     load: int  #: index of the payload's step, whose effect turns with the pose; -1: none
     force: Array  #: of the payload, N, one σ
     compliance: Array  #: of the motors' readings under their torque
@@ -122,12 +120,12 @@ class Expected(NamedTuple):
         names = knowledge.uncertain(robot)
         steps = [step for change in found for step in change.steps]
         rows = np.array([[step.get(name, 0.0) for name in names] for step in steps])
-        end = np.cumsum([len(change.steps) for change in found], dtype=int).tolist()
-        odds = [math.log(change.odds) for change in found]
+        end = np.cumsum([len(change.steps) for change in found], dtype=int)
+        odds = np.log([change.odds for change in found])
         return cls(rows.reshape(-1, len(names)), end, odds, *_payload(robot, found, end))
 
 
-def _payload(robot: Robot, found: Sequence[Change], end: Sequence[int]) -> tuple[int, Array, Array]:
+def _payload(robot: Robot, found: Sequence[Change], end: Array) -> tuple[int, Array, Array]:
     """Return the payload's step, force and compliances; -1 where more than arms yield."""
     force, compliance = np.zeros(6), np.zeros(_core.max_motors)
     loads = [

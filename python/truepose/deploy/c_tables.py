@@ -176,13 +176,13 @@ def _knowledge(robot: Robot, name: str, known: _core.Knowledge, suffix: str = ""
 
 def _changes(robot: Robot, name: str) -> str:
     expected, walk = Expected.of(robot, changes(robot)), drift(robot)
-    arrays = {"step": expected.step, "log_odds": np.array(expected.log_odds), "drift": walk}
+    arrays = {"step": expected.step, "log_odds": expected.log_odds, "drift": walk}
     texts = [
         f"static const truepose_real {name}_{key}[{values.size or 1}] =\n"
         f"   {_numbers(values.ravel() if values.size else np.zeros(1), '   ')};\n"
         for key, values in arrays.items()
     ]
-    end = _numbers(np.array(expected.end or [0]))
+    end = _numbers(expected.end if len(expected.end) else np.zeros(1, dtype=int))
     return (
         "/* What a calibrator at work follows. */\n"
         + "".join(texts)
