@@ -747,6 +747,51 @@ TRUEPOSE_API truepose_outcome truepose_online_calibrator_samples(
 TRUEPOSE_API truepose_outcome
 truepose_online_calibrator_roll_back(truepose_online_calibrator* calibrator);
 
+/** Changes of a machine at work, from a prior: a constant that `truepose export c` writes. */
+typedef struct truepose_changes {
+  int32_t steps;                             /**< number of steps of the geometry */
+  int32_t count;                             /**< of changes: the steps that happen together */
+  int32_t drifts;                            /**< of random walks */
+  int32_t load;                              /**< step that is a payload, or -1 */
+  const truepose_real* step;                 /**< steps by p: 1 σ of each */
+  const int32_t* end;                        /**< index after the last step of each change */
+  const truepose_real* log_odds;             /**< of each change in 100 rows */
+  const truepose_real* drift;                /**< drifts by p: 1 σ of each in a row */
+  truepose_real force[TRUEPOSE_FREEDOMS];    /**< of the payload, 1 σ */
+  truepose_real compliance[TRUEPOSE_MOTORS]; /**< of the motors' readings under their torque */
+} truepose_changes;
+
+enum { TRUEPOSE_RECOGNISED = 8 /**< recognised changes that are kept */ };
+typedef enum truepose_change_kind {
+  TRUEPOSE_CHANGED_PART, /**< `which` change: the geometry follows */
+  TRUEPOSE_FAULT,        /**< of the reading `which`: its rows are not used */
+  TRUEPOSE_NOISE,        /**< of the reading `which`: it counts less, or more */
+  TRUEPOSE_UNEXPLAINED   /**< rows that nothing explains are not used */
+} truepose_change_kind;
+/** A change that was recognised. */
+typedef struct truepose_recognised {
+  int64_t row; /**< rows before it was recognised */
+  int32_t kind, which;
+  truepose_real log_odds; /**< over no change */
+} truepose_recognised;
+
+/** Numbers of memory to follow changes; 0 if the calibrator has not been started. */
+TRUEPOSE_API size_t truepose_online_calibrator_follow_memory(
+    const truepose_online_calibrator* calibrator, const truepose_changes* changes);
+/** Recognises changes from now on, and follows them. Then the model approaches what is identified:
+ * no setpoint changes by more than a tenth of a count a cycle. A step is three rows at most.
+ * @param changes  of the calibrator's prior; it and the arrays must stay in place
+ * @return TOO_SMALL, UNFINISHED */
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_follow(
+    truepose_online_calibrator* calibrator, const truepose_changes* changes, truepose_real* memory,
+    size_t count);
+/** Number of changes recognised so far, the latest one last, in turn in `latest`. @return
+ * UNFINISHED
+ */
+TRUEPOSE_API truepose_outcome
+truepose_online_calibrator_changes(const truepose_online_calibrator* calibrator, int64_t* count,
+                                   truepose_recognised latest[TRUEPOSE_RECOGNISED]);
+
 /** The robot as identified so far. @param model  out */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_model(
     const truepose_online_calibrator* calibrator, truepose_model* model, size_t size);

@@ -49,7 +49,10 @@ MODULES = {
 }
 #: New name of each name of a module that moved.
 NAMES = {
-    "truepose.control": {"SafetyShell": "truepose_safety.SafetyShell"},
+    "truepose.control": {
+        "AdaptiveCalibrator": "truepose.OnlineCalibrator(robot, follow=True)",
+        "SafetyShell": "truepose_safety.SafetyShell",
+    },
     "truepose.simulation": {
         "StartTest": "truepose_safety.StartTest",
         "start_test": "truepose_safety.start_test",

@@ -7,6 +7,7 @@ namespace truepose::c {
 template <>
 struct Held<truepose_online_calibrator> : InMemory<truepose_online_calibrator, 0x6c697075U> {
   OnlineCalibrator learner;
+  Window window;
 };
 using Pupil = Held<truepose_online_calibrator>;
 
@@ -35,6 +36,22 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
   learner.robot = drawn;
   learner.pose = to_pose(drawn.mobility, drawn.home);
   return {};
+}
+
+ChangeSettings settings_of(const truepose_changes& changes) {
+  return {changes.steps,
+          changes.step,
+          changes.count,
+          changes.end,
+          changes.log_odds,
+          changes.load,
+          in<Coordinates>(changes.force),
+          in<Joint>(changes.compliance)};
+}
+
+std::size_t memory_of(const OnlineCalibrator& learner, const ChangeSettings& changes) {
+  return static_cast<std::size_t>(window_memory(*learner.drawn, learner.state.count, changes) +
+                                  parameter_count(*learner.drawn));
 }
 }  // namespace
 }  // namespace truepose::c
@@ -92,6 +109,40 @@ truepose_outcome truepose_online_calibrator_samples(const truepose_online_calibr
 
 truepose_outcome truepose_online_calibrator_roll_back(truepose_online_calibrator* learner) {
   return with(learner)([](Pupil& of) { return roll_back(of.learner); });
+}
+
+size_t truepose_online_calibrator_follow_memory(const truepose_online_calibrator* learner,
+                                                const truepose_changes* changes) {
+  const Pupil* of = held(learner);
+  return of ? memory_of(of->learner, settings_of(*changes)) : 0;
+}
+
+truepose_outcome truepose_online_calibrator_follow(truepose_online_calibrator* learner,
+                                                   const truepose_changes* changes,
+                                                   truepose_real* memory, size_t count) {
+  return with(learner)([&](Pupil& of) -> Outcome {
+    OnlineCalibrator& own = of.learner;
+    const ChangeSettings settings = settings_of(*changes);
+    if (settings.sets < 1 || count < memory_of(own, settings)) return kTooSmall;
+    own.settings.changes = settings;
+    own.settings.drifts = changes->drifts, own.settings.drift = changes->drift;
+    own.in_use = memory;
+    std::copy_n(own.state.xi, parameter_count(*own.drawn), own.in_use);
+    of.window = {};
+    lay_out(*own.drawn, own.state.count, settings, memory + parameter_count(*own.drawn), of.window);
+    of.window.sigma = own.state.sigma;
+    own.state.window = &of.window;
+    return {};
+  });
+}
+
+truepose_outcome truepose_online_calibrator_changes(const truepose_online_calibrator* learner,
+                                                    int64_t* count, truepose_recognised* latest) {
+  return with(learner)([&](const Pupil& of) {
+    *count = of.window.recognised;
+    for (const auto& [row, kind, which, log_odds] : of.window.news)
+      *latest++ = {row, static_cast<std::int32_t>(kind), which, log_odds};
+  });
 }
 
 truepose_outcome truepose_online_calibrator_model(const truepose_online_calibrator* learner,

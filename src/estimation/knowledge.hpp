@@ -31,4 +31,11 @@ inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi,
 /// B S in place, in blocks: entry j of a row depends on those from j on. Only the nonzero span of a
 /// row is multiplied: at first a motor's row has only its own chain's parameters.
 void times_root(const Knowledge& known, int rows, Real* B);
+
+/// Updates S by one equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
+/// @param b  out: the gain times alpha + fᵀf
+void update_root(int p, Real* S, const Real* f, Real alpha, Real* b);
+
+/// S Sᵀ + v vᵀ, triangular again, by one rotation per column. @param v  p numbers; overwritten
+void add_drift(int p, Real* S, Real* v);
 }  // namespace truepose

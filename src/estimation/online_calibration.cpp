@@ -1,34 +1,9 @@
 // Online (recursive) calibration, one row of readings per cycle.
 #include "estimation/online_calibration.hpp"
 
+#include "math/square.hpp"
+
 namespace truepose::online_detail {
-void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
-  for (int j = 0; j < p; ++j) b[j] = 0;
-  for (int j = p - 1; j >= 0; --j) {
-    const Real before = alpha;
-    alpha += f[j] * f[j];
-    const Real beta = std::sqrt(before / alpha), lambda = f[j] / before;
-    for (int i = j; i < p; ++i) {
-      const Real old = S[i * p + j];
-      S[i * p + j] = beta * (old - lambda * b[i]);
-      b[i] += f[j] * old;
-    }
-  }
-}
-
-void add_drift(int p, Real* S, Real* v) {
-  for (int k = 0; k < p; ++k) {
-    const Real length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
-    if (!(length > 0)) continue;
-    const Real c = S[k * p + k] / length, s = v[k] / length;
-    for (int i = k; i < p; ++i) {
-      const Real old = S[i * p + k];
-      S[i * p + k] = c * old + s * v[i];
-      v[i] = c * v[i] - s * old;
-    }
-  }
-}
-
 Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r, const Real* e,
                  Real curvature, const Work& work, Innovations& made) {
   const int p = state.count;
@@ -47,7 +22,7 @@ Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r
   times_root({p, state.column, state.root, state.sigma}, r, work.F);
   // Linearising about a poor ξ̂ leaves a remainder of second order, the square of the loop
   // residual. It counts as noise, so that the first rows do not overstate their information.
-  decorrelate(p, work.F, settings.linearised ? 0 : curvature, made);
+  decorrelate(p, work.F, curvature, made);
   // The update must not overflow, nor an equation be as good as certain.
   for (int i = 0; i < r; ++i) {
     sum += 0 * made.y[i] + 0 * made.total[i] + 0 / made.noise[i];
@@ -55,6 +30,29 @@ Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r
   }
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
+
+namespace {
+/// Effect of a payload on the equations free of the pose. @return false without one, or where the
+/// motors' Jacobian is not square and regular
+bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& sigma,
+                const RowsOfPose& H_x, const Real* G, std::array<Real, kMaxReadings>& loaded) {
+  if (changes.load < 0) return false;
+  Square transposed{};
+  Unknowns size{};
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      transposed[j][i] = H_x[i][j] * sigma[i];
+      size[i] += transposed[j][i] * transposed[j][i];
+    }
+  const Factors factors(n, n, transposed.data(), size);
+  if (!factors.regular()) return false;
+  const Unknowns torque = factors.solve(changes.force.data());
+  for (int i = 0; i < rows - n; ++i)
+    loaded[i] = sum_of(
+        n, [&](int c) { return G[i * rows + c] * changes.compliance[c] * torque[c] / sigma[c]; });
+  return true;
+}
+}  // namespace
 
 Outcome understand(Level level, const Robot& robot, const OnlineSettings& settings,
                    const Extended& q_e, const OnlineState& state, const Pose& guess, int without,
@@ -88,8 +86,11 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
       e[c] = residual[c] * weight;
     }
     if (last) gather(robot, known, work.H_xi, rows, work.B);
-    if (last && without >= 0) std::fill_n(work.B + without * p, p, 0.0);
     RowsOfPose A = line.H_x;
+    if (last && without < 0 && state.window && !of_readings(n, rows, A, work.G))
+      return {Status::singular, -1};
+    if (last && without >= 0) std::fill_n(work.B + without * p, p, 0.0);
+    A = line.H_x;
     if (!eliminate(n, rows, A, work.B, last ? p : 0, e)) return {Status::singular, -1};
     Coordinates step{};
     for (int i = 0; i < n; ++i) step[i] = e[i];
@@ -98,8 +99,17 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
     line.pose = moved(robot.mobility, line.pose, step);
   }
   const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + rows);
-  return innovate(settings, state, rows - n, e.data() + n, kCurvature * coarsest, work,
-                  line.innovations);
+  const Real curvature = settings.linearised ? 0 : kCurvature * coarsest;
+  if (without < 0 && state.window) {
+    Equations row{rows - n,     rows,     work.F,  work.G + n * rows,
+                  e.data() + n, state.xi, nullptr, curvature};
+    if (settings.linearised) row.about = settings.linearised;
+    std::array<Real, kMaxReadings> loaded;
+    if (by_payload(n, rows, settings.changes, known.sigma, line.H_x, row.G, loaded))
+      row.loaded = loaded.data();
+    add_row(settings.changes, known, row, *state.window, work.trial);
+  }
+  return innovate(settings, state, rows - n, e.data() + n, curvature, work, line.innovations);
 }
 
 void copy_state(OnlineState& state, bool back) {

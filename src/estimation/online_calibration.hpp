@@ -6,6 +6,7 @@
 // 1977, chapter V). Bounded work, no allocation, no exception.
 #pragma once
 
+#include "estimation/changes.hpp"
 #include "estimation/estimate.hpp"
 #include "estimation/residual_test.hpp"
 #include "mechanism/geometry.hpp"
@@ -19,8 +20,9 @@ struct OnlineState {
   Real* root = nullptr;                  ///< S, p×p by rows, lower triangular
   Extended sigma{};                      ///< σ of every reading's own error, > 0
   int due = 0;                           ///< index of the next drift
-  Real* kept = nullptr;  ///< online_kept(count) numbers to roll back to; nullptr: none
-  ResidualTest doubt{};  ///< disagreement of the readings, and whether it stopped the filter
+  Real* kept = nullptr;      ///< online_kept(count) numbers to roll back to; nullptr: none
+  ResidualTest doubt{};      ///< disagreement of the readings, and whether it stopped the filter
+  Window* window = nullptr;  ///< evidence of changes; nullptr: none
 };
 
 /// Settings of the filter. Constant during a run.
@@ -31,6 +33,7 @@ struct OnlineSettings {
   /// σ beyond which a row's equations together are rejected: the row is excluded, or the one
   /// reading that explains them. Persistent disagreement stops the filter. 0: every row counts.
   Real gate = kGate;
+  ChangeSettings changes{};
 };
 
 /// Curvature of the readings, per m or rad: a few times one over a robot's lengths, since its
@@ -40,20 +43,14 @@ inline constexpr Real kCurvature = 12;
 
 /// Numbers of work space for `observe`.
 inline int online_work(const Robot& robot, int count) {
-  return readings(robot) * (parameter_count(robot) + count) + count;
+  const int m = readings(robot), r = redundancy(robot);
+  return m * (parameter_count(robot) + count) + count + m * m + 2 * r * count;
 }
 
 /// Numbers of memory for OnlineState::kept: ξ̂ and S.
 inline int online_kept(int count) { return count * (1 + count); }
 
 namespace online_detail {
-/// Updates S by one equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
-/// @param b  out: the gain times alpha + fᵀf
-void update_root(int p, Real* S, const Real* f, Real alpha, Real* b);
-
-/// S Sᵀ + v vᵀ, triangular again, by one rotation per column. @param v  p numbers; overwritten
-void add_drift(int p, Real* S, Real* v);
-
 /// Information of one row of readings, the pose being unknown.
 struct Line {
   Pose pose;                  ///< x̂
@@ -63,12 +60,14 @@ struct Line {
 
 /// Layout of `observe`'s work space.
 struct Work {
-  Real *H_xi, *B, *F, *b;
+  Real *H_xi, *B, *F, *b, *G, *trial;
   Work(const Robot& robot, int count, Real* work)
       : H_xi(work),
         B(H_xi + readings(robot) * parameter_count(robot)),
         F(B + dof(robot.mobility) * count),
-        b(F + redundancy(robot) * count) {}
+        b(F + redundancy(robot) * count),
+        G(b + count),
+        trial(G + readings(robot) * readings(robot)) {}
 };
 
 /// Makes the rows F of r equations independent, with their right sides e.

@@ -17,6 +17,9 @@ struct OnlineCalibrator {
   /// every cycle has the same rounding error, which is no information.
   Real fresh = 30;
   Robot robot;
+  /// ξ of `robot`, parameter_count values, which then approaches ξ̂: no motor's setpoint changes by
+  /// more than kJump of its σ a cycle. nullptr: it is ξ̂
+  Real* in_use = nullptr;
   Pose pose;          ///< x̂ of the last row, where the next one starts
   Extended last{};    ///< last row
   long lines = 0;     ///< rows used so far
@@ -25,6 +28,14 @@ struct OnlineCalibrator {
 
   Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
 };
+
+inline constexpr Real kJump = 0.3;   ///< a tenth of a count, whose σ is its width over √12
+inline constexpr int kReplayed = 3;  ///< rows of a cycle at most, when a change was recognised
+
+/// Whether rows wait to be processed: the robot is the one before.
+inline bool replaying(const OnlineCalibrator& learner) {
+  return learner.state.window && learner.state.window->next < learner.state.window->last;
+}
 
 /// Runs one cycle. Bounded work, no allocation, no exception.
 /// @return outcome of this row or, if it is no information, of the last one: only `ok` means that

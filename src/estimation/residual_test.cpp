@@ -23,12 +23,17 @@ void decorrelate(int p, Real* F, Real curvature, Innovations& line) {
   }
 }
 
+bool of_readings(int n, int rows, RowsOfPose& A, Real* G) {
+  std::array<Real, kMaxRows> none{};
+  std::fill_n(G, rows * rows, 0.0);
+  for (int c = 0; c < rows; ++c) G[c * rows + c] = 1;
+  return eliminate(n, rows, A, G, rows, none);
+}
+
 bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& by) {
   const int rows = n + line.r;
-  std::array<Real, kMaxRows * kMaxRows> unit{};
-  std::array<Real, kMaxRows> none{};
-  for (int c = 0; c < rows; ++c) unit[c * rows + c] = 1;
-  if (!eliminate(n, rows, A, unit.data(), rows, none)) return false;
+  std::array<Real, kMaxRows * kMaxRows> unit;
+  if (!of_readings(n, rows, A, unit.data())) return false;
   for (int c = 0; c < rows; ++c) {
     Real score = 0, information = 0;
     std::array<Real, kMaxReadings> g;

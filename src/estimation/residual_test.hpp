@@ -54,6 +54,9 @@ struct Innovations {
 /// @param curvature  second-order remainder over the square of the loop residual
 void decorrelate(int p, Real* F, Real curvature, Innovations& line);
 
+/// Rows as `eliminate` leaves them, by an error of one σ of each reading. @param G  rows × rows
+bool of_readings(int n, int rows, RowsOfPose& A, Real* G);
+
 /// Decrease of χ² for each reading taken as faulty.
 /// @param A  H_x, whitened, as before `eliminate`; overwritten
 bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& by);

@@ -133,9 +133,7 @@ auto batch_observe(Online& online, const Rows& q_e, const std::vector<double>& l
       q_e.shape(0), {{n}},
       [&](std::size_t i, auto& out) {
         online.pose = to_pose(drawn.mobility, drawn.home);
-        const Outcome outcome = observe(online.level, drawn, online.settings, row<Extended>(q_e, i),
-                                        online.state, online.robot, online.pose, online.work);
-        ++(outcome.status == Status::ok ? online.lines : online.left_out);
+        const Outcome outcome = online.observe(row<Extended>(q_e, i));
         std::copy_n(to_coordinates(drawn.mobility, online.pose).begin(), n, out[0]);
         return outcome;
       },
@@ -170,7 +168,8 @@ void bind_calibration(nb::module_& m) {
       .def_ro("sigma", &Known::sigma);
   nb::class_<Online>(m, "Online")
       .def(nb::init<const Robot&, const Known&, const std::vector<double>&, const RowMatrix&,
-                    double, bool>())
+                    double, bool, const RowMatrix&, const std::vector<int>&,
+                    const std::vector<double>&, int, const Coordinates&, const Joint&>())
       .def("observe", &batch_observe)
       .def("resume", &Online::resume)
       .def_prop_ro("memory", &Online::memory)
@@ -178,7 +177,15 @@ void bind_calibration(nb::module_& m) {
       .def_ro("left_out", &Online::left_out)
       .def_prop_ro("doubt", [](const Online& online) { return online.state.doubt; })
       .def_ro("xi", &Online::xi)
-      .def_prop_ro("root", [](const Online& online) { return online.prior.root; });
+      .def_prop_ro("root", [](const Online& online) { return online.prior.root; })
+      .def_prop_ro("sigma", [](const Online& online) { return online.state.sigma; })
+      .def_prop_ro("recognised", [](Online& online) {
+        online.note();
+        nb::list all;
+        for (const auto& [row, kind, which, log_odds] : online.recognised)
+          all.append(nb::make_tuple(row, static_cast<int>(kind), which, log_odds));
+        return all;
+      });
   nb::class_<ResidualTest>(m, "ResidualTest")
       .def_ro("lines", &ResidualTest::lines)
       .def_ro("stopped", &ResidualTest::stopped)

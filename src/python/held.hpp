@@ -100,24 +100,47 @@ struct Online : OnlineCalibrator {
   const RowMatrix drifts;
   const Level level;
   std::vector<double> space, kept;
+  const RowMatrix steps;
+  const std::vector<double> log_odds;
+  const std::vector<int> ends;
+  std::vector<double> remembered;
+  Window window;
+  std::vector<Recognised> recognised;
+  std::vector<double> used;  ///< ξ of the robot in use
 
   /// @param drift  one row per random walk, one column per uncertain parameter
+  /// @param step  one row per change, of each change the log odds, and the end of its steps
   Online(const Robot& of, const Known& known, const std::vector<double>& mean,
-         const RowMatrix& drift, double gate, bool full)
+         const RowMatrix& drift, double gate, bool full, const RowMatrix& step,
+         const std::vector<int>& end, const std::vector<double>& odds, int load,
+         const Coordinates& force, const Joint& compliance)
       : nominal(of),
         prior(known),
         xi(mean),
         drifts(drift),
         level(python::level(full)),
         space(online_work(of, known.count())),
-        kept(online_kept(known.count())) {
+        kept(online_kept(known.count())),
+        steps(step),
+        log_odds(odds),
+        ends(end) {
     drawn = &nominal;
-    settings = {drifts.rows(), drifts.data(), nullptr, gate};
+    settings = {drifts.rows(),
+                drifts.data(),
+                nullptr,
+                gate,
+                {steps.rows(), steps.data(), static_cast<int>(ends.size()), ends.data(),
+                 log_odds.data(), load, force, compliance}};
     state = {prior.count(), prior.column.data(),
              xi.data(),     prior.root.data(),
              prior.sigma,   0,
              kept.data(),   {}};
     work = space.data();
+    if (ends.empty()) return;
+    remembered.resize(window_memory(nominal, state.count, settings.changes));
+    lay_out(nominal, state.count, settings.changes, remembered.data(), window);
+    window.sigma = state.sigma;
+    state.window = &window;
   }
   Online(const Online&) = delete;
   Online& operator=(const Online&) = delete;
@@ -130,21 +153,55 @@ struct Online : OnlineCalibrator {
     static_cast<void>(set_parameters(nominal, xi.data(), robot));
     pose = to_pose(of.mobility, of.home);
     last.fill(INFINITY);
+    used = xi;
+    in_use = state.window ? used.data() : nullptr;
     return *this;
   }
-  /// State other than ξ̂ and its root: the rollback state, counts, and the residual test.
+  /// One row of a log, whatever it was before: also once updates have stopped.
+  Outcome observe(const Extended& q_e) {
+    if (!state.window) {
+      const Outcome outcome =
+          truepose::observe(level, nominal, settings, q_e, state, robot, pose, work);
+      ++(outcome.status == Status::ok ? lines : left_out);
+      return outcome;
+    }
+    const Real usual = std::exchange(fresh, -1);
+    Outcome outcome = calibrate_online(level, *this, q_e);
+    fresh = INFINITY;  // the same row again: those that wait are processed
+    while (replaying(*this)) outcome = calibrate_online(level, *this, q_e);
+    fresh = usual;
+    note();
+    return outcome;
+  }
+  /// Keeps the changes recognised since the last call.
+  void note() {
+    for (auto k = static_cast<long>(recognised.size()); k < window.recognised; ++k)
+      recognised.push_back(window.news[k % kNews]);
+  }
+  /// State other than ξ̂ and its root: the rollback state, σ, counts, the residual test, the window.
   nb::tuple memory() const {
-    return nb::make_tuple(kept, state.due, lines, left_out,
-                          nb::bytes(&state.doubt, sizeof state.doubt));
+    const auto bytes = [](const auto& of) { return nb::bytes(&of, sizeof of); };
+    const auto* news = reinterpret_cast<const char*>(recognised.data());
+    return nb::make_tuple(kept, remembered, state.due, lines, left_out, bytes(state.sigma),
+                          bytes(state.doubt), bytes(window),
+                          nb::bytes(news, recognised.size() * sizeof recognised[0]));
   }
   /// Resumes from another object's arrays and memory.
-  void resume(const std::vector<double>& saved, int due, long used, long excluded,
-              const nb::bytes& doubt) {
-    if (saved.size() != kept.size() || doubt.size() != sizeof state.doubt)
+  void resume(const std::vector<double>& saved, const std::vector<double>& rows, int due, long used,
+              long excluded, const nb::bytes& sigma, const nb::bytes& doubt,
+              const nb::bytes& evidence, const nb::bytes& news) {
+    if (saved.size() != kept.size() || rows.size() != remembered.size() ||
+        doubt.size() != sizeof state.doubt || evidence.size() != sizeof window)
       throw std::invalid_argument("the memory of another filter");
     std::ranges::copy(saved, kept.begin());
+    std::ranges::copy(rows, remembered.begin());
     state.due = due, lines = used, left_out = excluded;
+    std::memcpy(&state.sigma, sigma.data(), sizeof state.sigma);
     std::memcpy(&state.doubt, doubt.data(), doubt.size());
+    std::memcpy(&window, evidence.data(), evidence.size());
+    recognised.resize(news.size() / sizeof recognised[0]);
+    std::memcpy(recognised.data(), news.data(), news.size());
+    if (state.window) lay_out(nominal, state.count, settings.changes, remembered.data(), window);
   }
 };
 }  // namespace truepose::python

@@ -41,6 +41,27 @@ OnlineCalibrator Prior::learner(const Robot& robot) {
   return learner;
 }
 
+OnlineCalibrator Prior::follower(const Robot& robot) {
+  OnlineCalibrator learner = this->learner(robot);
+  const int p = known_.count;
+  step_.assign(p * p, 0);
+  end_.resize(p);
+  odds_.assign(p, -9);
+  for (int k = 0; k < p; ++k) {
+    step_[k * p + k] = 50 * known_.root[k * p + k];
+    end_[k] = k + 1;
+  }
+  learner.settings.changes = {p, step_.data(), p, end_.data(), odds_.data()};
+  memory_.resize(window_memory(robot, p, learner.settings.changes));
+  window_ = {};
+  lay_out(robot, p, learner.settings.changes, memory_.data(), window_);
+  window_.sigma = learner.state.sigma;
+  learner.state.window = &window_;
+  used_ = xi_;
+  learner.in_use = used_.data();
+  return learner;
+}
+
 Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target,
                  const Vec3& normal) {
   Sensor sensor;

@@ -44,10 +44,14 @@ class Prior {
   Weighing weighing() { return {&known_, work_.data()}; }
   /// What starts from here and learns; one at a time.
   OnlineCalibrator learner(const Robot& robot);
+  /// The same, following changes: of each parameter by itself, fifty of its σ.
+  OnlineCalibrator follower(const Robot& robot);
 
  private:
   std::vector<int> column_;
-  std::vector<double> root_, work_, xi_, filter_, kept_, drift_;
+  std::vector<double> root_, work_, xi_, filter_, kept_, drift_, step_, odds_, memory_, used_;
+  std::vector<std::int32_t> end_;
+  Window window_;
   Knowledge known_;
 };
 

@@ -447,6 +447,42 @@ TEST_EACH(for_each, "a learner in C learns what the core's does") {
   CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
 }
 
+TEST_EACH(for_each, "a follower in C recognises what the core's does") {
+  check::Random random(6);
+  const ModelInC model(robot);
+  KnownInC known(robot);
+  Prior twin(robot);
+  std::vector<truepose_real> memory(truepose_online_calibrator_memory(model, known.of.count));
+  truepose_online_calibrator learner{};
+  int64_t count = 0;
+  truepose_recognised news[TRUEPOSE_RECOGNISED];
+  CHECK(truepose_online_calibrator_changes(&learner, &count, news).status == TRUEPOSE_UNFINISHED);
+  CHECK(same(truepose_online_calibrator_init(&learner, sizeof learner, model, known, memory.data(),
+                                             memory.size()),
+             {}));
+  OnlineCalibrator core = twin.follower(robot);
+  core.settings.drifts = 0;
+  const ChangeSettings& settings = core.settings.changes;
+  const truepose_changes changes{settings.count, settings.sets,     0,       -1, settings.step,
+                                 settings.end,   settings.log_odds, nullptr, {}, {}};
+  std::vector<truepose_real> more(truepose_online_calibrator_follow_memory(&learner, &changes));
+  CHECK(
+      truepose_online_calibrator_follow(&learner, &changes, more.data(), more.size() - 1).status ==
+      TRUEPOSE_TOO_SMALL);
+  CHECK(same(truepose_online_calibrator_follow(&learner, &changes, more.data(), more.size()), {}));
+  Robot truth = robot;
+  truth.chain[0].encoder_offset += 4e-3;
+  for (int k = 0; k < 80; ++k) {
+    const Extended q_e = readings_at(truth, any_x(random));
+    CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()), calibrate_online(core, q_e)));
+  }
+  CHECK(same(truepose_online_calibrator_changes(&learner, &count, news), {}));
+  CHECK(count == core.state.window->recognised);
+  for (int k = 0; k < count && k < kNews; ++k)
+    CHECK(news[k].row == core.state.window->news[k].row &&
+          news[k].which == core.state.window->news[k].which);
+}
+
 TEST("a path clock in C is the core's") {
   truepose_path_clock clock{0, 1, 0, 0};
   PathClock core;

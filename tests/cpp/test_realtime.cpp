@@ -176,4 +176,10 @@ TEST_EACH(for_each, "no online calibrator does, at either level") {
     });
     CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);
   }
+  OnlineCalibrator follower = made.prior.follower(made.robot);
+  watched(300, [&](long k) {
+    Extended q_e = made.at(k).q_e;
+    if (k > 100) q_e[0] += 1e-3;
+    return bool(calibrate_online(follower, q_e));
+  });
 }

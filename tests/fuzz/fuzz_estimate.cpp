@@ -61,11 +61,27 @@ void check_learner(Level level, Bytes& bytes, const Subject& subject, mechanisms
   }
 }
 
+void check_follower(Level level, Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
+  OnlineCalibrator follower = prior.follower(subject.robot);
+  const int p = follower.state.count, width = parameter_count(subject.robot);
+  if (!all_finite(follower.state.xi, width)) return;  // drawn so
+  const Extended first = decode_readings(bytes, subject);
+  for (int cycle = 0; cycle < 60; ++cycle) {
+    Extended q_e = first;
+    q_e[cycle % readings(subject.robot)] += cycle % 7 ? 1e-3 * cycle : bytes.number();
+    static_cast<void>(calibrate_online(level, follower, q_e));
+    require(all_finite(follower.state.xi, width), "follower: ξ is finite");
+    require(all_finite(follower.state.root, p * p), "follower: its covariance is finite");
+  }
+}
+
 void check_level(Level level, Bytes& bytes, const Subject& subject) {
   mechanisms::Prior prior(subject.robot);
   if (bytes.one_in(4)) prior.known().sigma[bytes.below(kMaxReadings)] = bytes.number();
   check_estimate(level, bytes, subject, prior);
   check_learner(level, bytes, subject, prior);
+  mechanisms::Prior again(subject.robot);
+  if (bytes.one_in(8)) check_follower(level, bytes, subject, again);
 }
 
 }  // namespace

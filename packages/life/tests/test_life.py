@@ -7,11 +7,11 @@ import pytest
 
 import truepose as tp
 from truepose.calibration.learnt import calibrated
-from truepose.control.changes import Change
 from truepose.robot import workspace_samples
 from truepose.show import figure_of
 from truepose_life import report
 from truepose_life.bound import bound
+from truepose_life.changes import Change
 from truepose_life.cycle import commissioned
 from truepose_life.events import SCENARIOS, Event, stages
 from truepose_life.rates import Life
@@ -40,7 +40,7 @@ def known(robot, true) -> tp.Robot:
 def test_the_fault_monitor_takes_no_slow_change_for_a_fault(known, true, scenario):
     event = stages(scenario, true, Life(), np.random.default_rng(1))[0]
     ((changed, _),) = event.true_at(true, OTHERS[:1], np.random.default_rng(2), rest=True)
-    monitored = tp.control.AdaptiveCalibrator(known).monitored
+    monitored = known.with_conditions(**Life().conditions)
     run = tp.simulate(monitored, changed, controller="estimated", monitor=tp.FaultMonitor())
     assert run.failed == [] and not run.health.any() and not run.stops.any()
 
@@ -52,7 +52,7 @@ def test_each_scenario_has_every_law_and_the_same_answer_on_two_workers():
     for name, values in one.columns.items():
         assert list(map(str, values)) == list(map(str, two.columns[name])), name
     bent = one.columns["scenario"] == "collision"
-    assert (one.columns["adaptive_mm"][bent] < 0.1 * one.columns["weighted_mm"][bent]).all()
+    assert (one.columns["follow_mm"][bent] < 0.1 * one.columns["weighted_mm"][bent]).all()
     assert all(found.endswith(".rod") for found in one.columns["found"][bent])
     warm = one.columns["scenario"] == "warm day"
     assert (one.columns["conditions_mm"][warm] < 0.4 * one.columns["weighted_mm"][warm]).all()
@@ -70,7 +70,7 @@ def test_a_study_continues_where_it_stopped(tmp_path):
         progress=lambda done, total: calls.append((done, total)),
     )  # fmt: skip
     assert calls == [(2, 4), (4, 4)]  # cases
-    assert again.columns["adaptive_mm"].tolist() == once.columns["adaptive_mm"].tolist()
+    assert again.columns["follow_mm"].tolist() == once.columns["follow_mm"].tolist()
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_what_no_sensor_shows_is_not_observable(true):
     robot = tp.load("h4").with_sensors("theta")
     known = commissioned(robot, robot.sample(5), 0.003, np.random.default_rng(6))
     shift = {name: 1e-4 for name in known.parameters if name.endswith("base.x")}
-    event = Event(shift, (Change("told", (shift,), 1.0),))
+    event = Event(shift, (Change("told", (shift,)),))
     found = bound(known, event, VISITED, OTHERS)
     assert (found.seen, found.directions) == (0, 1) and found.left == pytest.approx(1, abs=0.01)
 

@@ -2,6 +2,7 @@
 
 import fnmatch
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,8 @@ from truepose.arguments import Array, Errors, Level, sigmas_of
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.search import search
+from truepose.calibration.changes import Expected, changes
+from truepose.calibration.changes import drift as drift_of
 from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.log_checks import log_of
 from truepose.calibration.options import CalibrationOptions, ModelError
@@ -24,7 +27,22 @@ from truepose.robot import (
     require_robot,
     warn_if_stiff,
 )
+from truepose.robot.conditions import reading_offsets
 from truepose.robotfile.to_core import columns
+
+
+@dataclass(frozen=True)
+class Recognized:
+    """A change that an online calibration recognized."""
+
+    row: int  #: number of rows observed until then
+    what: str  #: a part or condition, "noise of theta", "fault of theta", or "unexplained"
+    log_odds: float  #: over no change
+    learned: bool  #: whether the geometry follows; else it stays
+
+    def __str__(self) -> str:
+        followed = "followed" if self.learned else "the last good geometry stays in use"
+        return f"row {self.row}: {self.what}, log odds {self.log_odds:.1f}: {followed}"
 
 
 class OnlineCalibrator:
@@ -41,7 +59,8 @@ class OnlineCalibrator:
     drift : dict, or sequence of dict, optional
         Name of a parameter (or pattern, ``"chain*.rod"``): σ of its random walk per row, m or rad,
         each parameter independent. In a sequence, each dict is one random walk that its parameters
-        share, as from :meth:`Effects.growth`. By default parameters are constant: σ only falls.
+        share, as from :meth:`Effects.growth`. By default parameters are constant: σ only falls;
+        with `follow` each of the file's [conditions] walks by 2 % of its σ.
     gate : float
         Limit in σ, with the geometry's remaining uncertainty, beyond which readings are left out:
         the one that alone explains the deviation, else the row. Where rows keep disagreeing,
@@ -50,6 +69,11 @@ class OnlineCalibrator:
         One rod per chain, or every rod; by default :attr:`Robot.highest_level`.
     model_error : {"on", "off"}
         Whether readings include, at the ideal level, the errors that it omits.
+    follow : bool
+        Recognize changes of a calibrated robot, and follow them (:attr:`changes`): one part or
+        sensor, by its tolerance; warm-up, wear and payload, as [conditions] state them; more or
+        less noise of a reading. Readings with a fault, or that nothing explains, stop it until
+        they agree again.
 
     Examples
     --------
@@ -71,6 +95,7 @@ class OnlineCalibrator:
         gate: float = 4.0,
         level: Level | None = None,
         model_error: ModelError = "on",
+        follow: bool = False,
     ):
         require_robot(robot)
         warn_if_stiff(robot, "an online calibration")
@@ -82,13 +107,22 @@ class OnlineCalibrator:
         self._names = knowledge.require_uncertain(robot)
         if not (np.isfinite(gate) and gate >= 0):
             raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
+        if follow and not robot.r:
+            raise InputError(f"{robot.name}: no sensor in use; with_sensors(name) adds one")
+        self._changes = changes(self._robot) if follow else []
         self._drift = self._walks(drift)
         self._gate = float(gate)
+        self._told: list[Recognized] = []  # of filters before
+        self._passed = 0  # rows of these
         self._start(mean_of(robot))
 
     def _walks(self, drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None) -> Array:
         """Return a row per random walk: 1σ change of every parameter between samples."""
-        walks = [drift or {}] if drift is None or isinstance(drift, Mapping) else drift
+        if drift is None:
+            drift = {}
+            if self._changes:
+                return drift_of(self._robot)
+        walks = [drift] if isinstance(drift, Mapping) else drift
         together = walks is drift
         rows = []
         for walk in walks:
@@ -109,7 +143,11 @@ class OnlineCalibrator:
     def _start(self, xi: Array, root: Array | None = None) -> None:
         model, full = self._robot, self._robot.is_full(self.level)
         known = knowledge.knowledge(model, root, level=self.level, error=self._error).core
-        self._filter = _core.Online(model.core_drawn, known, xi, self._drift, self._gate, full)
+        expected = Expected.of(model, self._changes)
+        self._sigma = np.array(known.sigma)[: model.m + model.r]
+        self._filter = _core.Online(
+            model.core_drawn, known, xi, self._drift, self._gate, full, *expected
+        )
 
     def __getstate__(self) -> dict:
         core = self._filter
@@ -121,7 +159,9 @@ class OnlineCalibrator:
         self._start(xi, root)
         self._filter.resume(*memory)
 
-    def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
+    def observe(
+        self, q_e: ArrayLike, errors: Errors = "raise", health: ArrayLike | None = None
+    ) -> Array:
         """Update the parameters from rows of readings, in order.
 
         Parameters
@@ -131,6 +171,9 @@ class OnlineCalibrator:
         errors : {"raise", "nan"}
             Treatment of a row that fits no pose; it is skipped. A row that the gate leaves out
             still gives a pose.
+        health : array_like, shape (..., n + r), optional
+            Health of each reading by a fault monitor, as :attr:`truepose.Simulation.health`. A row
+            with a reading that is suspect or failed is skipped; its pose is NaN.
 
         Returns
         -------
@@ -138,6 +181,13 @@ class OnlineCalibrator:
             Pose of each row, with the parameters as identified at that row.
         """
         rows, lead = flattened(self._robot, q_e, self._robot.m + self._robot.r, "q_e", errors)
+        if health is not None:
+            if np.shape(health) != np.shape(q_e):
+                raise InputError(f"health: shape {np.shape(health)}, must be that of q_e")
+            valid = ~np.reshape(health, rows.shape).any(axis=1)
+            x = np.full((len(rows), self._robot.n), np.nan)
+            x[valid] = self.observe(rows[valid], errors)
+            return x.reshape(*lead, self._robot.n)
         x, status, chain = self._filter.observe(rows, np.zeros(0))
         require_answers(self._robot, "reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, self._robot.n)
@@ -153,6 +203,42 @@ class OnlineCalibrator:
             about = np.array(self._filter.xi)
             self._start(mean_of(self._robot))
             self._filter.observe(rows, about)
+
+    def exchanged(self, *sensors: str) -> None:
+        """Forget the mounting of sensors that were exchanged; it is learned anew.
+
+        Call it for a motor's encoder, too: "q1".
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> from truepose.robot.workspace import workspace_grid
+        >>> h4 = tp.load("h4")
+        >>> known = tp.calibrate(h4, h4.expected().read(workspace_grid(h4))).robot
+        >>> online = tp.OnlineCalibrator(known)
+        >>> online.exchanged("theta")
+        >>> online.parameters["theta.offset"].ratio > 1
+        True
+        """
+        offsets = dict(zip(self._robot.readings, reading_offsets(self._robot), strict=True))
+        fresh: list[str] = []
+        for sensor in sensors:
+            if sensor not in offsets:
+                raise InputError(choose("sensor", sensor, offsets))
+            own = f"{sensor}." if sensor in self._robot.sensors else offsets[sensor]
+            fresh += [name for name in self._names if name.startswith(own)]
+        file, column = (
+            self._robot.with_calibration(None).parameters,
+            dict(columns(self._robot.spec)),
+        )
+        xi, root = np.array(self._filter.xi), np.array(self._filter.root)
+        at = [self._names.index(name) for name in fresh]
+        root[at] = 0.0
+        new = np.zeros((len(root), len(at)))
+        new[at, range(len(at))] = [file[name].sigma for name in fresh]
+        self._told, self._passed = self.changes, self._passed + self.lines + self.left_out
+        xi[[column[name] for name in fresh]] = [file[name].mean for name in fresh]
+        self._start(xi, knowledge.triangular(np.hstack([root, new])))
 
     @property
     def lines(self) -> int:
@@ -204,6 +290,33 @@ class OnlineCalibrator:
         return search(Case(self.prior, log_of(self.prior, q_e), options)).causes
 
     @property
+    def changes(self) -> list[Recognized]:
+        """Changes recognized so far, with `follow`.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> from truepose.robot.workspace import workspace_grid
+        >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter")
+        >>> known = tp.calibrate(robot, robot.expected().read(workspace_grid(robot))).robot
+        >>> true = robot.expected()
+        >>> bent = true.replace({"chain2.rod": true.parameters["chain2.rod"].value - 1e-3})
+        >>> online = tp.OnlineCalibrator(known, follow=True)
+        >>> x = online.observe(bent.read(workspace_grid(robot)[::12], seed=1))
+        >>> online.changes[0].what, online.changes[0].learned
+        ('chain2.rod', True)
+        """
+        found = list(self._told)
+        for row, kind, which, log_odds in self._filter.recognised:
+            what = "unexplained"
+            if kind == 0:
+                what = self._changes[which].name
+            elif kind < 3:
+                what = f"{('fault', 'noise')[kind - 1]} of {self._robot.readings[which]}"
+            found.append(Recognized(self._passed + row + 1, what, log_odds, kind in (0, 2)))
+        return found
+
+    @property
     def covariance(self) -> Array:
         """Covariance of the uncertain parameters, (p, p)."""
         root = self._filter.root
@@ -229,9 +342,21 @@ class OnlineCalibrator:
         p, root = len(self._filter.root), np.pad(self._filter.root, (0, len(more)))
         if more:
             root[p:, p:] = knowledge.root(self._robot, more)
-        return calibrated(self._robot, values, root, "online", error)
+        known = calibrated(self._robot, values, root, "online", error)
+        noise = np.array(self._filter.sigma)[: len(self._sigma)] / self._sigma
+        return known if (noise == 1).all() else with_noise(known, noise)
 
     def _values(self) -> dict[str, float]:
         column = dict(columns(self._robot.spec))
         xi = self._filter.xi
         return {name: float(xi[column[name]]) for name in self._names}
+
+
+def with_noise(robot: Robot, factors: Array) -> Robot:
+    """Return the robot with σ of its readings, noise and count together, by factors (n + r,)."""
+    sigma = factors * knowledge.reading_sigma(robot)
+    noise = np.sqrt(np.maximum(sigma**2 - robot.resolution**2 / 12, 0.0)).tolist()
+    sensors = dict(zip(robot.sensors, noise[robot.m :], strict=True))
+    chains = iter(noise[: robot.m])
+    noisy = robot.with_each("chain", lambda chain: {"encoder_noise": next(chains)})
+    return noisy.with_each("sensor", lambda s: {"noise": sensors.get(s.name, s.noise)})

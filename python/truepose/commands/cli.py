@@ -20,6 +20,7 @@ from truepose.commands import (
     design,
     export,
     faults,
+    follow,
     info,
     margins,
     monte_carlo,
@@ -54,7 +55,11 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
         "plan": plan.command,
         "faults": faults.command,
     },
-    "Calibration": {"calibrate": calibrate.command, "zero": calibrate.zero_command},
+    "Calibration": {
+        "calibrate": calibrate.command,
+        "zero": calibrate.zero_command,
+        "follow": follow.command,
+    },
     "Simulation and control": {
         "simulate": simulate.command,
         "simulate-log": monte_carlo.simulate_log_command,

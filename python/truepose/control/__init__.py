@@ -1,11 +1,9 @@
 """Control: controllers, gains, stability margins, delayed sensors, unmodelled effects."""
 
-from truepose.control.adaptive import AdaptiveCalibrator
 from truepose.control.limits import Limits
 from truepose.control.margins import StabilityMargins, stability_margins
 
 __all__ = [
-    "AdaptiveCalibrator",
     "Limits",
     "StabilityMargins",
     "stability_margins",

@@ -11,6 +11,7 @@ import numpy as np
 
 from truepose import _core, files
 from truepose.arguments import Array
+from truepose.calibration.changes import Expected, changes, drift
 from truepose.control import delays
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
@@ -76,6 +77,7 @@ def to_c(
     parts += [_knowledge(robot, name, in_control(robot), "_knowledge")] if robot.r else []
     if robot.r and robot.spec.conditions:
         parts.append(_knowledge(robot, f"{name}_prior", knowledge(robot).core))
+        parts.append(_changes(robot, name))
     if controller is not None:
         parts.append(_settings(name, "control", controller.settings(robot, robot.home)))
         if robot.r and monitor is not None:
@@ -169,6 +171,26 @@ def _knowledge(robot: Robot, name: str, known: _core.Knowledge, suffix: str = ""
         f"static const truepose_real {name}_root[{count or 1} * {count or 1}] =\n   {values};\n"
         f"static const truepose_knowledge {name}{suffix} = {{\n"
         f"  {count}, {name}_column, {name}_root,\n  {_numbers(known.sigma)} /* sigma */\n}};\n"
+    )
+
+
+def _changes(robot: Robot, name: str) -> str:
+    expected, walk = Expected.of(robot, changes(robot)), drift(robot)
+    arrays = {"step": expected.step, "log_odds": expected.log_odds, "drift": walk}
+    texts = [
+        f"static const truepose_real {name}_{key}[{values.size or 1}] =\n"
+        f"   {_numbers(values.ravel() if values.size else np.zeros(1), '   ')};\n"
+        for key, values in arrays.items()
+    ]
+    end = _numbers(expected.end if len(expected.end) else np.zeros(1, dtype=int))
+    return (
+        "/* What a calibrator at work follows. */\n"
+        + "".join(texts)
+        + f"static const int32_t {name}_end[] = {end};\n"
+        f"static const truepose_changes {name}_changes = {{\n"
+        f"  {len(expected.step)}, {len(expected.end)}, {len(walk)}, {expected.load},\n"
+        f"  {name}_step, {name}_end, {name}_log_odds, {name}_drift,\n"
+        f"  {_numbers(expected.force)},\n  {_numbers(expected.compliance)}\n}};\n"
     )
 
 

@@ -59,5 +59,5 @@ def command(
         files.replace_file(out / name, contents, "result", force=True)
     note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
     note += "life.md."
-    few = table.columns(0, 1, 2, 3, 5, 7, 8, 10, 11)  # a terminal's width; all laws are in the file
+    few = table.columns(0, 1, 2, 5, 7, 8, 10, 11)  # a terminal's width; all laws are in the file
     show([few if how is Format.table else table], how, [note])

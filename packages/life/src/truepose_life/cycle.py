@@ -1,6 +1,5 @@
 """Life-cycle study: the accuracy of each law after what a year does to a calibrated robot."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,8 +11,6 @@ from truepose.calibration import CalibrationOptions
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.learnt import calibrated
 from truepose.calibration.online import OnlineCalibrator
-from truepose.control.adaptive import AdaptiveCalibrator
-from truepose.control.changes import changes
 from truepose.exceptions import InputError, choose
 from truepose.robot import Law, Robot, angles, knowledge, workspace_samples
 from truepose.simulation.equilibrium import settling
@@ -59,11 +56,11 @@ class LifeCycle:
         The grid's keys: ``sensors``, names joined by "+", and ``scenario``, one of `SCENARIOS`; by
         default the robot's sensors in use and a warm day. Beside the laws on the frozen
         commissioning: ``conditions`` is the weighted law whose covariance includes the rates as the
-        file's [conditions] state them, ``online`` is the estimated law on :class:`OnlineCalibrator`
-        with the growth of a warm-up, ``adaptive`` on :class:`AdaptiveCalibrator`, which is told of
-        exchanged sensors, ``new`` on a calibration from the last 100 poses alone, and ``bound``
-        that of an observer told which change happened, with the share of the error that it cannot
-        follow (:mod:`truepose_life.bound`).
+        file's [conditions] state them, ``follow`` the estimated law with these on an
+        :class:`OnlineCalibrator` that follows changes and is told of exchanged sensors, ``new`` on
+        a calibration from the last 100 poses alone, and ``bound`` that of an observer told which
+        change happened, with the share of the error that it cannot follow
+        (:mod:`truepose_life.bound`).
         """
         wanted = str(case.values.get("sensors", _joined(case.robot.sensors))).split("+")
         scenario = str(case.values.get("scenario", "warm day"))
@@ -75,38 +72,28 @@ class LifeCycle:
         states = stages(scenario, true, life, rng)
         poses = workspace_samples(nominal, JUDGED + VISITED * len(states), rng)
         judged, visited = poses[:JUDGED], np.split(poses[JUDGED:], len(states))
-        effects = known_effects(life, scenario)
-        drift = [
-            {n: s / math.sqrt(VISITED) for n, s in mode.items()} for mode in effects.growth(true)
-        ]
-        online = OnlineCalibrator(known, drift)
-        adaptive = AdaptiveCalibrator(known, kinds=changes(known, effects))
+        steel = {"rod_expansion": known_effects(life, scenario).rod_expansion}
+        stated = known.with_conditions(**life.conditions | steel)
+        online = OnlineCalibrator(stated, follow=True)
         exchanged: tuple[str, ...] = ()
         for state, x in zip(states, visited, strict=True):
             if state.exchanged != exchanged:
                 exchanged = state.exchanged
-                adaptive.exchanged(*exchanged)
+                online.exchanged(*exchanged)
             for block in np.split(x, VISITED // BLOCK):
                 there = state.true_at(true, block, rng, rest=False)
                 online.observe(_readings(online.robot, there, "estimated", rng), "nan")
-                adaptive.observe(_readings(adaptive.robot, there, "estimated", rng), "nan")
         last, x = states[-1], visited[-1]
         new = _readings(known, last.true_at(true, x, rng, rest=False), "joint", rng)
         fresh = calibrate(nominal, new, options=CalibrationOptions(cause="ignore"))
         told = bound(known, last, x, judged)
         at_rest = last.true_at(true, judged, rng, rest=True)
-        learnt = {"online": online.robot, "adaptive": adaptive.robot, "new": fresh.robot}
+        learnt = {"follow": online.robot, "new": fresh.robot}
         answer: dict[str, Answer] = {f"{law}_mm": _error(known, at_rest, law) for law in FROZEN}
-        stated = known.with_conditions(**life.conditions)
         answer["conditions_mm"] = _error(stated, at_rest, "weighted")
         for name, robot in learnt.items():
             answer[f"{name}_mm"] = _error(robot.at_highest_level, at_rest, "estimated")
-        found = (
-            name
-            for window in adaptive.windows
-            if window.learned
-            for name in (*window.changed, *(f"noise of {name}" for name in window.noisy))
-        )
+        found = (change.what for change in online.changes if change.learned)
         return answer | {
             "bound_mm": 1e3 * told.error,
             "left": told.left,

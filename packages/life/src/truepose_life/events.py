@@ -7,19 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.control.changes import (
-    Change,
-    Payload,
-    payload,
-    warm_up_modes,
-)
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot import Robot, knowledge
 from truepose.robot.conditions import reading_offsets
+from truepose_life.changes import Change, Payload, Steps, payload, warm_up_modes
 from truepose_life.rates import Life
 
-Steps = dict[str, float]
 #: Robots and the poses, (N, n), at which they are the true one.
 There = list[tuple[Robot, Array]]
 STEEL, YEAR = "warm day, steel rods", "a year"
@@ -98,7 +92,7 @@ def known_effects(life: Life, scenario: str = "") -> Effects:
 def _told(name: str, sizes: Steps, parts: int = 1) -> tuple[Change, ...]:
     """Return the change of each parameter by itself, or of one of many parts, as sizes state it."""
     modes = tuple({n: size / math.sqrt(parts)} for n, size in sizes.items() if size)
-    return (Change(name, modes, 1.0),) if modes else ()
+    return (Change(name, modes),) if modes else ()
 
 
 def _names(true: Robot, end: str, why: str) -> list[str]:
@@ -117,8 +111,8 @@ def _warm(true: Robot, life: Life, rng: np.random.Generator, scenario: str = "")
         chains = sorted({name.partition(".")[0] for name in mode})
         share = {chain: 1 + gradient * rng.standard_normal() for chain in chains}
         steps |= {name: share[name.partition(".")[0]] * step for name, step in mode.items()}
-    modes = tuple(warm_up_modes(growth, 0.0, gradient))
-    return Event(steps, (Change("warm-up", modes, 1.0),) if modes else ())
+    modes = tuple(warm_up_modes(growth, gradient))
+    return Event(steps, (Change("warm-up", modes),) if modes else ())
 
 
 def _wear(true: Robot, life: Life, rng: np.random.Generator) -> Event:

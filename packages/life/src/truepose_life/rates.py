@@ -57,6 +57,7 @@ class Life:
             "payload_sigma": self.payload / (9.81 * rms) if self.arm_stiffness else 0.0,
             "arm_compliance": 1 / self.arm_stiffness if self.arm_stiffness else 0.0,
             "mounting_expansion": 0.0,
+            "platform_expansion": 0.0,
             "base_expansion": self.base_expansion,
             "arm_expansion": self.arm_expansion,
             "rod_expansion": self.rod_expansion,

@@ -26,15 +26,14 @@ LAWS = {
     "weighted": "weighted",
     "estimated": "estimated",
     "conditions": "conditions",
-    "online": "online",
-    "adaptive": "adaptive",
+    "follow": "follow",
     "new calibration": "new",
     "bound": "bound",
 }
 #: Share of a change's error that no law removes, from which it is partly or not observable.
 PARTLY, UNOBSERVABLE = 0.2, 0.5
 #: Columns that the page leaves out.
-_OTHERS = ("sensors", "Cartesian", "new calibration")
+_OTHERS = ("sensors", "TEJ", "Cartesian", "estimated", "new calibration")
 
 
 def grid() -> dict[str, list[str]]:
@@ -93,9 +92,9 @@ def table(study: Study) -> Table:
                 rms[law] = found["rms"]
             cells.append(observability(study, sensors, scenario))
             best = min(rms[law] for law in LAWS if law not in ("new calibration", "bound"))
-            ratios = rms["adaptive"] / rms["frozen"], best / rms["bound"]
+            ratios = rms["follow"] / rms["frozen"], best / rms["bound"]
             rows.append([label, scenario, *cells, *(Cell(f"{ratio:.2f}", {}) for ratio in ratios)])
-    header = ["sensors", "change", *LAWS, "directions seen", "adaptive / frozen", "best / bound"]
+    header = ["sensors", "change", *LAWS, "directions seen", "follow / frozen", "best / bound"]
     title = "Position error after a change and 100 poses of work, median over the robots (mm)"
     return Table("life", title, header, rows)
 
@@ -119,7 +118,7 @@ def draw(figure: Any, records: Sequence[Mapping[str, Any]]) -> None:
     panels: dict = {}
     for row in records:
         panel = panels.setdefault(f"{row['sensors']}: position error (mm)", {})
-        for law in ("frozen", "TEJ", "weighted", "conditions", "online", "adaptive", "bound"):
+        for law in ("frozen", "weighted", "conditions", "follow", "bound"):
             spread = [row[f"{LAWS[law]}_{part}_mm"] for part in ("low", "median", "high")]
             panel.setdefault(law, {})[row["change"]] = spread
     for axes in ranges(figure, panels, "change"):

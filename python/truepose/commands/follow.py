@@ -1,0 +1,162 @@
+"""`truepose follow`: online calibration of a machine at work, on a live stream of readings."""
+
+import csv
+import math
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from typer import Argument, Option
+
+from truepose import files
+from truepose.arguments import Array
+from truepose.calibration.online import OnlineCalibrator
+from truepose.commands import options
+from truepose.exceptions import InputError, one_line
+from truepose.robot import Robot, knowledge
+from truepose.show.terminal import say
+
+#: s without a new row after which a line says so; pause before a file is read again, s.
+SILENT, PAUSE = 10.0, 0.2
+#: σ by which a reading must have moved since the last row that counted, as in a controller.
+FRESH = 30.0
+#: Rows in a row without a movement after which a line says so; rows between written files.
+RESTING, EVERY = 200, 50
+
+
+def command(
+    robot: options.RobotName,
+    source: str = Argument(
+        help="CSV that grows, or - for standard input: columns q1 … qn, each sensor's name; SI. "
+        "Optional: time, s; health, 0 where a fault monitor trusts all readings.",
+        show_default=False,
+    ),
+    out: options.CalibratedFile = None,
+    sensors: options.SensorsOption = None,
+    end_after: float | None = Option(
+        None, min=0.0, help="End after so many seconds without a row.", show_default="never"
+    ),
+    force: options.Force = False,
+) -> None:
+    """Follow a calibrated machine at work: warm-up, wear, a payload, a part that changed.
+
+    Writes the geometry every 50 rows, and prints each change that the readings show. After a
+    restart, the written file is the robot to go on with.
+
+    Example: **truepose follow calibrated.toml readings.csv -o followed.toml**
+    """
+    path = None if source == "-" else Path(source)
+    write = options.writer((robot, path), force, robot=out)
+    made = options.load_with(robot, sensors)
+    online = OnlineCalibrator(made, follow=True)
+    told = 0
+    last = online.robot
+    write(robot=lambda: options.file_text(last))
+    stopped = None
+    for k, row in enumerate(_rows(made, path, end_after), 1):
+        online.observe(row, "nan")
+        news = online.changes
+        for change in news[told:]:
+            say(f"truepose: {change}")
+        if online.stopped is not None and stopped is None:
+            say("truepose: readings disagree: the last good geometry stays in use")
+        elif online.stopped is None and stopped is not None:
+            say("truepose: readings agree again")
+        due = k % EVERY == 0 or len(news) > told
+        told, stopped = len(news), online.stopped
+        if due and stopped is None:
+            last = online.robot
+            if out is not None:
+                files.replace_file(out, options.file_text(last), "calibrated robot file", True)
+    say(f"truepose: the stream ended: {online.lines} rows used, {online.left_out} left out")
+    if out is not None and online.stopped is None:
+        files.replace_file(out, options.file_text(online.robot), "calibrated robot file", True)
+
+
+class _Told:
+    """Prints what is wrong with rows once, until it is right again."""
+
+    def __init__(self) -> None:
+        self._said: str | None = None
+
+    def __call__(self, what: str, more: str = "") -> None:
+        if what != self._said:
+            say(f"truepose: {what}{more}: left out", err=True)
+        self._said = what
+
+    def right(self) -> None:
+        self._said = None
+
+
+def _rows(robot: Robot, path: Path | None, end_after: float | None) -> Iterator[Array]:
+    """Yield the rows of readings that say something new."""
+    wanted = [*robot.readings]
+    sigma = FRESH * knowledge.reading_sigma(robot)
+    where, wrong = path or "standard input", _Told()
+    names: list[str] = []
+    before, latest, resting = np.full(len(wanted), np.inf), -math.inf, 0
+    for number, line in _lines(path, end_after):
+        if number == 0:
+            names = []
+        if not line.strip() or line.startswith("#"):
+            continue
+        cells = [cell.strip() for cell in next(csv.reader([line]), [])]
+        if not names or cells == names:
+            if missing := [name for name in wanted if name not in cells]:
+                raise InputError(f"{where}: no column {', '.join(missing)}")
+            names, latest = cells, -math.inf  # the source has begun, perhaps again
+            continue
+        values = dict(zip(names, cells, strict=False))
+        try:
+            row = np.array([float(values[name]) for name in wanted])
+            now = float(values["time"]) if "time" in names else math.nan
+            health = float(values.get("health", 0) or 0)
+        except (KeyError, ValueError):
+            wrong("a row is no row of numbers", f": '{one_line(line.strip(), 60)}'")
+            continue
+        if not np.isfinite(row).all():
+            wrong("a reading is no number", f": '{one_line(line.strip(), 60)}'")
+        elif health:
+            wrong("the fault monitor doubts a reading")
+        elif "time" in names and not now > latest:
+            wrong("rows out of order", f": time {now:g} after {latest:g}")
+        else:
+            latest = now if "time" in names else latest
+            wrong.right()
+            if (np.abs(row - before) > sigma).any():
+                before, resting = row, 0
+                yield row
+                continue
+            resting += 1
+            if resting == RESTING:
+                say(f"truepose: {RESTING} rows without a movement: they say nothing new", err=True)
+
+
+def _lines(path: Path | None, end_after: float | None) -> Iterator[tuple[int, str]]:
+    """Yield the complete lines of a stream, numbered; a file that restarts begins at 0 again."""
+    if path is None:
+        yield from enumerate(sys.stdin)
+        return
+    number, position, since, said = 0, 0, time.monotonic(), False
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    while True:
+        size = path.stat().st_size if path.exists() else position
+        if size < position:
+            say(f"truepose: {path} starts again", err=True)
+            number = position = 0
+        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            file.seek(position)
+            while (line := file.readline()).endswith("\n"):
+                position, since, said = file.tell(), time.monotonic(), False
+                yield number, line
+                number += 1
+        silent = time.monotonic() - since
+        if end_after is not None and silent >= end_after:
+            return
+        if silent >= SILENT and not said:
+            said = True
+            say(f"truepose: no row for {SILENT:g} s: the last good geometry stays in use", err=True)
+        time.sleep(PAUSE)

@@ -1,0 +1,112 @@
+// Changes of a robot in its life: which of them the rows of a window show.
+//
+// A change is a step a·d of the geometry from the window's first row on, a ~ N(0, 1), or an error
+// of one reading. A filter that knows of none runs over the rows; a step shifts its innovations ν
+// by a·w, w the filter's response to d (Willsky and Jones, A generalized likelihood ratio approach,
+// 1976). With z = Σ w ν / σ_ν² and S = Σ w wᵀ / σ_ν² of the steps that happen together, the log
+// odds over no change are zᵀ(I + S)⁻¹z / 2 - log det(I + S) / 2 + log rate. Bounded work a row, no
+// allocation, no exception.
+#pragma once
+
+#include "estimation/knowledge.hpp"
+#include "estimation/residual_test.hpp"
+
+namespace truepose {
+/// Changes to expect. Constant during a run.
+struct ChangeSettings {
+  int count = 0;                      ///< number of steps
+  const Real* step = nullptr;         ///< count × p: d of each, 1 σ
+  int sets = 0;                       ///< number of changes: the steps that happen together
+  const std::int32_t* end = nullptr;  ///< index after the last step of each, increasing
+  const Real* log_odds = nullptr;     ///< of each in a window
+  /// A step that is a payload: its force F turns or shifts each motor by its compliance · Jᵀ F.
+  /// `step` has the nearest constant one, by which the geometry follows.
+  int load = -1;
+  Coordinates force{};
+  Joint compliance{};
+};
+
+enum class ChangeKind : std::int32_t { part, fault, noise, unexplained };
+
+/// A change that was recognised.
+struct Recognised {
+  long row = 0;  ///< rows observed until then
+  ChangeKind kind{};
+  int which = -1;     ///< change or reading; -1: none alone
+  Real log_odds = 0;  ///< over no change
+};
+
+inline constexpr int kWindow = 100;  ///< rows explained together
+inline constexpr int kDecide = 50;   ///< rows between decisions
+inline constexpr int kStored = kWindow + kWindow / 2;
+inline constexpr int kNews = 8;           ///< recognised changes that are kept
+inline constexpr int kOpenings = 8;       ///< changes of one window, one after another
+inline constexpr Real kDecisive = 0.9;    ///< probability of a change
+inline constexpr Real kFault = 0.02;      ///< σ of a faulty reading's bias and drift, rad or m
+inline constexpr Real kLogFault = -11;    ///< log odds of a reading's fault in a window
+inline constexpr Real kLogNoise = -6;     ///< the same of more noise
+inline constexpr Real kNeglected = 0.03;  ///< probability of a change, given that there is one
+inline constexpr Real kUsed = 0.9;        ///< share of rows that must have a pose and not be gross
+inline constexpr Real kFit = 5;           ///< σ beyond which rows are not explained
+/// Factors of a reading's σ that are tried; the first where it is larger than at first.
+inline constexpr std::array<Real, 3> kFactor{0.5, 2, 5};
+
+inline constexpr Real kNoisiest = 17;  ///< largest factor of all
+
+/// Filter without a change, and the responses. Arrays are the caller's.
+struct Window {
+  Real *base = nullptr, *mean = nullptr;  ///< ξ̂ and S at its start; the same after its rows
+  Real* response = nullptr;  ///< by step, then bias and drift of each reading; also these:
+  Real *z = nullptr, *product = nullptr;  ///< z, and the row of S that belongs to its change
+  Real* share = nullptr;                  ///< of each step's variance that was added at the start
+  Real* scratch = nullptr;                ///< of a decision, and w of a row
+  int widest = 0;                         ///< steps of one change at most
+  Real* stored = nullptr;                 ///< kStored × readings
+  Real* about = nullptr;                  ///< ξ of linearisation of a replay
+  std::array<Extended, kFactor.size()> noisy{};  ///< log odds
+  Extended sigma{}, before{};                    ///< of new readings; at the window's start
+  int rows = 0, used = 0;                        ///< with a pose; in the filter
+  int last = 0, next = 0;                        ///< rows stored, and the next one to process
+  int goal = 0, passes = 0;                      ///< end of a replay, and passes left
+  int openings = 0, freedom = 0;
+  Real chi2 = 0;
+  Real moved = 0;      ///< amount of the payload by which the start was moved
+  bool gross = false;  ///< the last row was far off
+  int suspect = -1;    ///< reading that alone explains why the filter stopped
+  std::array<Recognised, kNews> news{};
+  long recognised = 0;  ///< number of changes so far; the last kNews in turn in `news`
+};
+
+/// Numbers of memory of a window.
+int window_memory(const Robot& robot, int p, const ChangeSettings& changes);
+/// Lays out a window's arrays.
+void lay_out(const Robot& robot, int p, const ChangeSettings& changes, Real* memory,
+             Window& window);
+
+/// r equations about ξ of one row, as linearised at `about`.
+struct Equations {
+  int r = 0, readings = 0;
+  const Real *B = nullptr, *G = nullptr;  ///< r × p; r × readings, by an error of one σ of each
+  const Real *e = nullptr, *about = nullptr;
+  const Real* loaded = nullptr;  ///< r, by the payload; nullptr: as its step
+  Real curvature = 0;
+};
+
+/// Adds a row to a window's evidence. @param work  2 r p numbers
+void add_row(const ChangeSettings& changes, const Knowledge& known, const Equations& row,
+             Window& window, Real* work);
+
+/// Decision over a window's rows.
+struct Finding {
+  bool decisive = false;  ///< a change happened
+  bool fits = true;       ///< the likeliest explanation explains the rows
+  bool unchanged = true;  ///< no change is likelier than any
+  Recognised likeliest{};
+};
+/// Weighs the changes. If parts are decisive, adds their shares to `window.share`; if noise, scales
+/// `sigma`.
+Finding decide(const ChangeSettings& changes, int readings, Window& window, Extended& sigma);
+
+/// Restarts the window's filter from its base with the changes added so far.
+void restart(const ChangeSettings& changes, int readings, int p, Window& window, Real* work);
+}  // namespace truepose
