@@ -206,14 +206,6 @@ def refusal(run):
 
 
 @pytest.fixture
-def kept(file_regression):
-    """Return a function that compares an answer with the kept one; --force-regen renews that."""
-    from answers import masked, same  # not where the wheel is tried: few of the tests are there
-
-    return lambda text: file_regression.check(masked(text), check_fn=same)
-
-
-@pytest.fixture
 def plain_page(monkeypatch):
     """Write reports without their figures: most of the time of a calibration."""
     page = f"<!-- {files.mark('report')} -->"
