@@ -8,7 +8,6 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-from answers import answer, some
 from fixtures import CHAINED
 
 import truepose as tp
@@ -534,14 +533,3 @@ def test_delays_that_the_model_states_are_compensated(h4):
     assert stated.status.tolist() == ["ok"] and abs(stated.x - usual).max() < 1e-4
     omitted = MujocoPlant(robot).visit(prompt, x, controller)
     assert omitted.status[0] != "ok" or abs(omitted.x - usual).max() > 1e-4
-
-
-@pytest.mark.parametrize("name", ["3rpr", "h4", "neck"])
-def test_the_plant_moves_as_before(kept, name):
-    robot = tp.load(name)
-    truth = robot.sample(1)
-    x = some(robot, 2)
-    held = MujocoPlant(truth).settle_at(truth.ikm(x))
-    brief = MujocoPlant(truth, tp.Effects(), hold=0.05, longest=0.05, duration=0.1, seed=2)
-    found = brief.visit(robot, x[:1], tp.Controller.for_robot(robot, tp.Effects(), law="joint"))
-    kept(answer([held.frame, held.x, found.x, found.q_e]))
