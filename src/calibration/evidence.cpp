@@ -104,7 +104,7 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
       half = whiten(rows, by, Z);
       of = products(Z, columns.end, K);
     }
-    // (s² I + t² B Bᵀ)⁻¹ = s⁻² (I - Bᵀ… ) by Woodbury, through M = I + (t/s)² BᵀB = L Lᵀ.
+    // (s² I + t² B Bᵀ)⁻¹ = s⁻² (I - (t/s)² B M⁻¹ Bᵀ), M = I + (t/s)² BᵀB = L Lᵀ (Woodbury).
     const double s2 = by.noise * by.noise, ratio = by.tolerances / by.noise;
     RowMatrix M = RowMatrix::identity(p), V = of.BZ;
     for (int i = 0; i < p; ++i) add_scaled(p, ratio * ratio, of.BB[i], M[i]);
