@@ -27,8 +27,8 @@ void finite(const ControlState& state, int m, int rows) {
 void finite(const FaultMonitor& monitor, int rows, int r) {
   for (int c = 0; c < rows; ++c) {
     const MonitoredReading& reading = monitor.reading[c];
-    require(std::isfinite(reading.own.value) && std::isfinite(reading.own.rate) &&
-                std::isfinite(reading.spread),
+    require(std::isfinite(reading.track.value) && std::isfinite(reading.track.rate) &&
+                std::isfinite(reading.scatter),
             "monitor: what it knows of a reading is finite");
     require(reading.health >= Health::valid && reading.health <= Health::failed &&
                 reading.symptom >= Symptom::none && reading.symptom <= Symptom::disagrees,
