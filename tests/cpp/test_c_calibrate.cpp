@@ -73,7 +73,7 @@ TEST("a calibration in C has the core's parameters, covariance, poses and status
       log.count = Bench::kRows, log.q_e = bench.readings.data();
       log.measured = bench.log.measured, log.measured_sigma = sigma.data();
       CalibrationSettings settings;
-      settings.loss = static_cast<Loss>(loss), settings.tuning = std::array{0., 1., 4.}[loss];
+      settings.loss = static_cast<Loss>(loss), settings.tuning = 4;
       const CalibrationResult core =
           calibrate(Level::ideal, bench.robot, bench.known, xi, log, settings);
       CHECK(core.outcome);

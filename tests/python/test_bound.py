@@ -145,7 +145,9 @@ def test_a_calibrated_robot_predicts_what_was_predicted_of_it(h4, table2):
     """The bound before anything was read, and the covariance of a calibration that was."""
     robot = h4.with_sensors("theta", "z_telemeter")
     poses = table2[::5]
-    fit = tp.calibrate(robot, robot.expected().with_level("full").extended_positions(poses))
+    q_e = robot.expected().with_level("full").extended_positions(poses)
+    squares = tp.calibration.CalibrationOptions(loss="squares")
+    fit = tp.calibrate(robot, q_e, options=squares)
     before = tp.accuracy(robot, poses, calibrated_on=poses)
     assert tp.accuracy(fit.robot, poses) == pytest.approx(before, rel=1e-3, abs=1e-12)
 
