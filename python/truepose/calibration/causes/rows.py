@@ -194,7 +194,7 @@ def gross(case: Case) -> Iterator[Hypothesis]:
     which = np.flatnonzero(bad)
     if 0 < len(which) <= MOST * len(bad):
         text = f"gross errors in {len(which)} of {len(bad)} rows: {log.at(which)}"
-        yield replace(of, text=text, log_odds=0.0, density=-GROSS * len(which))
+        yield replace(of, text=text, density=-GROSS * len(which))
 
 
 def _begun(case: Case) -> Array | None:

@@ -70,6 +70,8 @@ ROWS, BLOCK, AGAIN = 120, 12, 5
 QUICK, STEPS = 10, 25
 #: Mistakes beside which a second one is searched, where one alone does not explain a log.
 SECOND = 2
+#: Sizes below so many σ are none.
+SIGNIFICANT = 3.0
 #: Causes that are kept.
 SHOWN = 12
 #: Mistakes that are always fitted.
@@ -144,6 +146,8 @@ def search(
             for each in found[:AGAIN]
             if (fit := case.fit(each.of)) is not None
         ]
+    if base is None and found and _nothing(found[0]):  # which had only not converged
+        return Search(Causes("none"), [], found[0].fit)
     return _judged(base, _once([*found, *_persisting(case, base, found, some)]))
 
 
@@ -174,6 +178,15 @@ class Explained(NamedTuple):
             size=value,
             sigma=sigma,
         )
+
+
+def _nothing(found: Explained) -> bool:
+    """Return whether a single mistake explains a log by a size that is none."""
+    cause, size = found.cause, found.of.size
+    if size is None or cause.size is None or cause.sigma is None or found.of.first is not None:
+        return False
+    off = cause.size - (size.gain is not None)
+    return cause.consistent and abs(off) < SIGNIFICANT * cause.sigma
 
 
 def vague(found: Explained) -> bool:
