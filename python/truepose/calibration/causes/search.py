@@ -227,7 +227,7 @@ def _over_persisting(case: Case, of: Hypothesis, slip: Hypothesis, rows: Array |
     rate = np.where(ordinary[:, 3] > 0, hypothesis.LN_RATE, 0.0)
     none = np.zeros((len(y), 0))
     with_it, without = (
-        (_core.weigh(B[:, some], y, D, line, none, [], ordinary)[:, 0] + rate).max()
+        (_core.weigh(B[:, some], y, D, line, none, np.zeros(0), ordinary)[:, 0] + rate).max()
         for some in (slice(None), np.arange(B.shape[1]) != own)
     )
     return float(with_it - without) + slip.log_odds - (slip.first.log_odds if slip.first else 0.0)
