@@ -30,13 +30,21 @@ def bent():
     return true.replace({"chain2.rod": true.parameters["chain2.rod"].value - 1e-3})
 
 
-def followed(run, tmp_path, known, text):
+def followed(run, tmp_path, known, text, *options):
     (tmp_path / "work.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
-    return run("follow", known, "work.csv", "-o", "out.toml", "--end-after", "0", "--force")
+    return run(
+        "follow", known, "work.csv", "-o", "out.toml", "--end-after", "0", "--force", *options
+    )
 
 
-def test_a_bent_rod_is_named_and_written(run, tmp_path, known):
-    status, said, _ = followed(run, tmp_path, known, [HEAD, *lines(bent().read(POSES[:60]))])
+@pytest.mark.parametrize("head", [True, False], ids=["CSV", "bare rows of a sampler"])
+def test_a_bent_rod_is_named_and_written(run, tmp_path, known, head):
+    rows = lines(bent().read(POSES[:60]))
+    if head:
+        status, said, _ = followed(run, tmp_path, known, [HEAD, *rows])
+    else:
+        bare = [row.replace(",", " ") + " " for row in rows]
+        status, said, _ = followed(run, tmp_path, known, bare, "--columns", HEAD)
     assert status == 0 and "chain2.rod" in said
     found = tp.load(tmp_path / "out.toml").parameters["chain2.rod"].mean
     assert found == pytest.approx(bent().parameters["chain2.rod"].value, abs=3e-4)
@@ -74,6 +82,11 @@ def test_a_robot_at_rest_says_nothing_new(run, tmp_path, known):
     status, said, problems = followed(run, tmp_path, known, [HEAD, *row * 300])
     assert status == 0 and "1 rows used" in said
     assert problems.count("without a movement") == 1
+
+
+def test_columns_must_hold_every_reading(run, tmp_path, known):
+    status, _, problems = followed(run, tmp_path, known, [], "--columns", "q1,q2")
+    assert status == 2 and "--columns: no column q3, q4, theta, z_telemeter" in problems
 
 
 @pytest.mark.parametrize(

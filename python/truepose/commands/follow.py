@@ -35,6 +35,11 @@ def command(
     ),
     out: options.CalibratedFile = None,
     sensors: options.SensorsOption = None,
+    columns: str | None = Option(
+        None,
+        help="Names of the columns of rows without a head, as LinuxCNC's halsampler prints them.",
+        show_default=False,
+    ),
     end_after: float | None = Option(
         None, min=0.0, help="End after so many seconds without a row.", show_default="never"
     ),
@@ -55,7 +60,7 @@ def command(
     last = online.robot
     write(robot=lambda: options.file_text(last))
     stopped = None
-    for k, row in enumerate(_rows(made, path, end_after), 1):
+    for k, row in enumerate(_rows(made, path, columns, end_after), 1):
         online.observe(row, "nan")
         news = online.changes
         for change in news[told:]:
@@ -90,23 +95,25 @@ class _Told:
         self._said = None
 
 
-def _rows(robot: Robot, path: Path | None, end_after: float | None) -> Iterator[Array]:
+def _rows(
+    robot: Robot, path: Path | None, columns: str | None, end_after: float | None
+) -> Iterator[Array]:
     """Yield the rows of readings that say something new."""
     wanted = [*robot.readings]
     sigma = FRESH * knowledge.reading_sigma(robot)
     where, wrong = path or "standard input", _Told()
-    names: list[str] = []
+    names = head = _cells(columns or "", bare=True)
+    _require(wanted if head else [], head, "--columns")
     before, latest, resting = np.full(len(wanted), np.inf), -math.inf, 0
     for number, line in _lines(path, end_after):
-        if number == 0:
-            names = []
+        if number == 0:  # the source has begun, perhaps again
+            names, latest = head, -math.inf
         if not line.strip() or line.startswith("#"):
             continue
-        cells = [cell.strip() for cell in next(csv.reader([line]), [])]
+        cells = _cells(line, bare=bool(head))
         if not names or cells == names:
-            if missing := [name for name in wanted if name not in cells]:
-                raise InputError(f"{where}: no column {', '.join(missing)}")
-            names, latest = cells, -math.inf  # the source has begun, perhaps again
+            _require(wanted, cells, where)
+            names, latest = cells, -math.inf
             continue
         values = dict(zip(names, cells, strict=False))
         try:
@@ -132,6 +139,19 @@ def _rows(robot: Robot, path: Path | None, end_after: float | None) -> Iterator[
             resting += 1
             if resting == RESTING:
                 say(f"truepose: {RESTING} rows without a movement: they say nothing new", err=True)
+
+
+def _require(wanted: list[str], names: list[str], where: object) -> None:
+    """Raise InputError if columns are missing."""
+    if missing := [name for name in wanted if name not in names]:
+        raise InputError(f"{where}: no column {', '.join(missing)}")
+
+
+def _cells(line: str, bare: bool) -> list[str]:
+    """Return the cells of a line of CSV or, if it is `bare`, between commas or spaces."""
+    if bare:
+        return line.replace(",", " ").split()
+    return [cell.strip() for cell in next(csv.reader([line]), [])]
 
 
 def _lines(path: Path | None, end_after: float | None) -> Iterator[tuple[int, str]]:
