@@ -61,7 +61,10 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
   if (raw(c) != still.reading || monitor.cycle - monitor.began < 2) {
     const bool known = c < n || monitor.placed;
     const Real from = known ? setpoint(c) : still.driven.from;
-    still = {raw(c), known ? model(c) : still.model};
+    const Real at = known ? model(c) : still.model;
+    still = {};
+    still.reading = raw(c);
+    still.model = at;
     still.driven.from = from;
     still.forced_error = c < n ? monitor.pushed[c] : 0;
     return;

@@ -2,7 +2,7 @@
 cmake_minimum_required(VERSION 3.25)
 execute_process(COMMAND "${NM}" --format=posix ${LIBRARY} OUTPUT_VARIABLE table COMMAND_ERROR_IS_FATAL ANY)
 string(REGEX MATCHALL "[^\n]+" lines "${table}")
-set(allowed sin cos sincos tan atan atan2 exp erfc tanh sqrt remainder nearbyint lround round ceil floor
+set(allowed sin cos sincos tan atan atan2 exp log erfc tanh sqrt remainder nearbyint lround round ceil floor
             memcpy memset memmove _GLOBAL_OFFSET_TABLE_)
 foreach(line IN LISTS lines)
   if(line MATCHES "^([^ ]+) U")
