@@ -76,7 +76,7 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
     fit = tp.calibrate(
         tp.load("h4").with_sensors("theta", "z_telemeter"),
         readings,
-        options=CalibrationOptions(),
+        options=CalibrationOptions(loss="student"),
     )
     assert robot.parameters == fit.robot.parameters
     page = (tmp_path / "mine.html").read_text(encoding="utf-8")
@@ -99,7 +99,7 @@ def test_postures_in_a_log_are_poses_that_were_measured(run, tmp_path):
 def test_the_figures_are_those_of_the_calibration(h4, readings):
     robot = h4.with_sensors("theta", "z_telemeter")
     log, _ = log_checks.check(robot, logs.of(robot, readings))
-    result = review.assess(Case(robot, log, CalibrationOptions()))
+    result = review.assess(Case(robot, log, CalibrationOptions(loss="student")))
     good = review.counted(result)
     assert good.sum() == 119 and not good[40]
     expected = robot.expected()

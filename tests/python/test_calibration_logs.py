@@ -299,7 +299,7 @@ def test_outliers_are_listed_worst_first(robot, q_e):
     wrong = q_e.copy()
     wrong[11, 4] += 0.01
     wrong[77, 5] += 0.02
-    fit = tp.calibrate(robot, table(robot, wrong))
+    fit = tp.calibrate(robot, table(robot, wrong), options=CalibrationOptions(loss="student"))
     assert fit.outliers.tolist() == [11, 77]
     assert fit.chi2[77] > fit.chi2[11]
     assert fit.notes == ("rows 78, 12: 2 outliers, worst first",)

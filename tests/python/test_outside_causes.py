@@ -72,7 +72,9 @@ def test_a_mistake_of_an_outside_measurement_is_named(name, sensors, make, regis
     robot, _, readings, measured = read(name, *sensors)
     log = table(robot, readings, make(measured))
     with refused(said + r".*cause='apply' undoes it"):
-        tp.calibrate(robot, log, options=CalibrationOptions(registration=registration))
+        tp.calibrate(
+            robot, log, options=CalibrationOptions(registration=registration, loss="student")
+        )
 
 
 def test_an_undone_mistake_of_a_tracker_gives_the_robot_of_the_right_log():
@@ -171,7 +173,7 @@ def test_readings_that_nothing_explains_are_refused_under_every_loss():
     with refused(r"no known cause .* times their noise, at most 10"):
         tp.calibrate(robot, log)
     with refused(r"times their noise|not converged", tp.TrueposeError):
-        tp.calibrate(robot, log)
+        tp.calibrate(robot, log, options=CalibrationOptions(loss="student"))
 
 
 # --- the robot as it reads in the last row

@@ -20,7 +20,7 @@ def report(h4, tmp_path_factory):
     robot = h4.with_sensors("theta", "z_telemeter", "elbow1", "elbow2")
     q_e = simulate_log(robot, robot.sample(1), poses=40).q_e
     log = tp.logs.of(robot, dict(zip(robot.readings, q_e.T, strict=True)))
-    assessment = review.assess(Case(robot.expected(), log, CalibrationOptions()))
+    assessment = review.assess(Case(robot.expected(), log, CalibrationOptions(loss="student")))
     path = tmp_path_factory.mktemp("report") / "report.html"
     text = calibration_figures.page(assessment, "log.csv", "student")
     path.write_text(text, encoding="utf-8")

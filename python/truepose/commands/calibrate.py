@@ -45,7 +45,7 @@ def command(
     plot: Path | None = options.plot_option("each parameter's change and σ", hidden=True),
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
-    fit: Annotated[CalibrationOptions, FIRST] = CalibrationOptions(),
+    fit: Annotated[CalibrationOptions, FIRST] = CalibrationOptions(loss="student"),
     measured_sigma: str | None = Option(
         None,
         help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",

@@ -103,7 +103,7 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
             robot,
             log,
             differences=Between().of(robot, log),
-            options=CalibrationOptions(),
+            options=CalibrationOptions(loss="student"),
         )
     except InputError as error:
         raise InputError(f"{path}: {options.of_log(error)}") from None

@@ -36,7 +36,7 @@ ANCHOR, OFFSET, EXTENSION, STRAIN = 0.3, 0.005, 0.2, 0.003
 #: σ of a belt's zero in models without offsets, m.
 NO_OFFSET = 1e-5
 #: Loss of every fit.
-ROBUST = CalibrationOptions()
+ROBUST = CalibrationOptions(loss="student")
 #: Initial σ of a belt's reading, m; re-estimated from the log.
 READING = 1e-3
 #: Ratio of effective degrees of freedom of the median of N χ² of two degrees of freedom each to

@@ -72,7 +72,7 @@ def simulated_log(state: State, poses: int) -> Playback:
 
 
 def calibrated(played: Playback) -> Playback:
-    """Calibrate on the log, as `truepose calibrate` does.
+    """Calibrate on the log with a robust loss, as `truepose calibrate` does.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def calibrated(played: Playback) -> Playback:
     >>> bool(after < before / 10)
     True
     """
-    case = Case(played.robot, played.log, CalibrationOptions())
+    case = Case(played.robot, played.log, CalibrationOptions(loss="student"))
     assessment = review.assess(case, played.notes)
     return replace(played, assessment=assessment)
 
