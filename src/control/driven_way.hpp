@@ -1,4 +1,4 @@
-// Way by which a motor's loop has driven it since its reading is identical.
+// Distance a loop has driven its motor since the motor's reading last changed.
 //
 // The reading feigns an error, the motion of the setpoint since then. The loop drives the motor off
 // by ∬ kp δ + kd dδ/dt; an error at which it may rest (friction, counts) drives nothing.

@@ -33,7 +33,7 @@ Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r
 
 namespace {
 /// Effect of a payload on the equations free of the pose. @return false without one, or where the
-/// motors' Jacobian is not square and regular
+/// Jacobian of the first n motors is singular
 bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& sigma,
                 const RowsOfPose& H_x, const Real* G, std::array<Real, kMaxReadings>& loaded) {
   if (changes.load < 0) return false;
