@@ -137,10 +137,10 @@ TEST("the reported change is the likeliest of the kind that is decided") {
     return decide(changes, kReadings, window, sigma);
   };
   // log odds z²/2 with S = 0: 8 of each part, 8.5 of the second reading's fault
-  for (int k = 0; k < kSets; ++k) z[k] = 4 + 1e-3 * (k == 1);
+  for (int k = 0; k < kSets; ++k) z[k] = 4 + 1e-3 * (k == 2);
   z[kSets + 2] = std::sqrt(2 * (8.5 - kLogFault));
   const Recognised part = decided().likeliest;
-  CHECK(part.kind == ChangeKind::part && part.which == 1);
+  CHECK(part.kind == ChangeKind::part && part.which == 2);
   // The other way round: two faults together are likelier than the one part.
   z.assign(kSteps, 0);
   z[0] = std::sqrt(2 * 8.5);
