@@ -67,7 +67,6 @@ inline constexpr int kSpikesKept = 8;
 /// Share of `moved` above which a reading that stands still during a disagreement is isolated, or
 /// one whose motor was driven off.
 inline constexpr Real kStoodBy = 0.4;
-inline constexpr Real kNoNumber = 1e9;  ///< rad or m: larger readings count as missing
 
 /// Computes the limits from the false-alarm probability, shared by the level and change tests.
 /// Tests of single readings have a bound that no torque reaches, with this margin on top.

@@ -82,8 +82,10 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
                    const Extended& q_e, const OnlineState& state, const Pose& guess, int without,
                    const Work& work, Line& line);
 
-/// Saves ξ̂ and S, or restores them.
-void copy_state(OnlineState& state, bool back);
+/// Saves ξ̂ and S in online_kept(count) numbers.
+void save(const OnlineState& state, Real* kept);
+/// Restores them.
+void restore(OnlineState& state, const Real* kept);
 
 /// Whether no pose was found that fits the readings.
 constexpr bool no_pose(Status status) {

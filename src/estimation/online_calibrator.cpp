@@ -7,20 +7,9 @@
 
 namespace truepose {
 namespace {
+using online_detail::restore, online_detail::save;
+
 constexpr int kSoon = 10;  ///< rows within which disagreement stops the filter
-
-/// ξ̂ and S of the filter become these, or these those.
-void hand_over(OnlineState& state, const Real* mean) {
-  const int p = state.count;
-  for (int k = 0; k < p; ++k) state.xi[state.column[k]] = mean[k];
-  std::copy_n(mean + p, p * p, state.root);
-}
-
-void keep(const OnlineState& state, Real* mean) {
-  const int p = state.count;
-  for (int k = 0; k < p; ++k) mean[k] = state.xi[state.column[k]];
-  std::copy_n(state.root, p * p, mean + p);
-}
 
 /// σ of every reading's own error before changes of its noise.
 const Extended& first_sigma(const OnlineState& state) {
@@ -41,7 +30,7 @@ void begin_window(OnlineCalibrator& learner) {
   Window& window = *state.window;
   const ChangeSettings& changes = learner.settings.changes;
   const int m = readings(*learner.drawn);
-  keep(state, window.base);
+  save(state, window.base);
   window.before = state.sigma;
   std::fill_n(window.share, changes.count, 0.0);
   std::copy(window.stored + window.next * m, window.stored + window.last * m, window.stored);
@@ -59,7 +48,7 @@ void replay(OnlineCalibrator& learner, const Real* about) {
   restart(learner.settings.changes, readings(*learner.drawn), state.count, window, learner.work);
   if (about) std::copy_n(about, parameter_count(*learner.drawn), window.about);
   learner.settings.linearised = about ? window.about : nullptr;
-  hand_over(state, window.mean);
+  restore(state, window.mean);
   state.doubt = {};
   window.next = 0;
 }
@@ -96,13 +85,13 @@ void conclude(OnlineCalibrator& learner) {
     if (window.suspect < 0 && fault) window.suspect = finding.likeliest.which;
     report_fault(window, finding.likeliest);
     state.sigma = window.before;
-    hand_over(state, window.base);
+    restore(state, window.base);
     state.doubt.stopped = true;
     state.doubt.suspect = window.suspect;
     return begin_window(learner);
   }
   if (state.doubt.stopped && finding.unchanged) {  // the rows agree again
-    hand_over(state, window.mean);
+    restore(state, window.mean);
     state.doubt = {};
     window.suspect = -1;
     window.fault = false;
@@ -206,7 +195,7 @@ Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended&
 Outcome roll_back(OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
   if (!state.kept || state.doubt.lines == 0) return {};
-  online_detail::copy_state(state, true);
+  restore(state, state.kept);
   state.doubt.evidence = 0;
   state.doubt.blame = {};
   state.doubt.since = 0;

@@ -172,7 +172,7 @@ TEST_EACH(for_each, "a fault that goes on is reported once") {
   CHECK(scene.learner.state.doubt.stopped);
 }
 
-TEST_EACH(for_each, "a roll-back in a second pass forgets where that was linearised") {
+TEST_EACH(for_each, "after a roll-back in a second pass rows are linearised at the filter") {
   Scene scene(mechanism, 87);
   if (motors > n) return;
   scene.home();
