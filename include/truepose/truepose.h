@@ -698,7 +698,8 @@ TRUEPOSE_API truepose_outcome truepose_safety_defaults(const truepose_model* mod
                                                        truepose_safety_limits* limits);
 /** Limits for truepose_control_fault_tolerant() without a safety shell, of frames, speeds and
  * stuck motors: after a violation no motor can be trusted, and all brakes are requested. They stay
- * until truepose_fault_monitor_init(). */
+ * until truepose_fault_monitor_init(), also after a call that is refused.
+ * @return OTHER_VERSION, NOT_FINITE, NO_SUCH_VALUE (the period) */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
                                                            const truepose_safety_limits* limits);
 /** Before each cycle: the counter of the readings' frame. Without one, frozen readings are found by
