@@ -698,7 +698,8 @@ TRUEPOSE_API truepose_outcome truepose_safety_defaults(const truepose_model* mod
                                                        truepose_safety_limits* limits);
 /** Limits for truepose_control_fault_tolerant() without a safety shell, of frames, speeds and
  * stuck motors: after a violation no motor can be trusted, and all brakes are requested. They stay
- * until truepose_fault_monitor_init(). */
+ * until truepose_fault_monitor_init(), also after a call that is refused.
+ * @return OTHER_VERSION, NOT_FINITE, NO_SUCH_VALUE (the period) */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
                                                            const truepose_safety_limits* limits);
 /** Before each cycle: the counter of the readings' frame. Without one, frozen readings are found by
@@ -716,7 +717,8 @@ TRUEPOSE_API truepose_outcome truepose_stopping_distance(const truepose_model* m
  * Online calibration
  */
 
-/** State of a calibrator. Opaque; holds pointers to the model it started from and to its memory. */
+/** State of a calibrator. Opaque; holds pointers to the model it started from and to its memory,
+ * and with `follow` to itself: then do not move or copy it. */
 typedef union truepose_online_calibrator {
   int64_t align;
   unsigned char bytes[20480];
@@ -736,8 +738,8 @@ TRUEPOSE_API truepose_outcome truepose_online_calibrator_init(
     const truepose_knowledge* prior, truepose_real* memory, size_t count);
 
 /** Adds one row of readings; a row without new information costs next to nothing.
- * @return DISAGREE: the row, or the reading named, was not used; STOPPED: no row is used any more
- */
+ * @return DISAGREE: the row, or the reading named, was not used; STOPPED: no row is used any more;
+ * with `follow`, until the rows agree again or a change explains them */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_step(
     truepose_online_calibrator* calibrator, const truepose_real q_e[TRUEPOSE_READINGS]);
 /** Numbers of rows used, and of rows excluded or with an excluded reading. @return UNFINISHED */
@@ -766,7 +768,7 @@ typedef enum truepose_change_kind {
   TRUEPOSE_CHANGED_PART, /**< `which` change: the geometry follows */
   TRUEPOSE_FAULT,        /**< of the reading `which`: its rows are not used */
   TRUEPOSE_NOISE,        /**< of the reading `which`: it counts less, or more */
-  TRUEPOSE_UNEXPLAINED   /**< rows that nothing explains are not used */
+  TRUEPOSE_UNEXPLAINED   /**< rows that nothing explains are not used; `which` is -1 */
 } truepose_change_kind;
 /** A change that was recognised. */
 typedef struct truepose_recognised {
@@ -775,19 +777,21 @@ typedef struct truepose_recognised {
   truepose_real log_odds; /**< over no change */
 } truepose_recognised;
 
-/** Numbers of memory to follow changes; 0 if the calibrator has not been started. */
+/** Numbers of memory to follow changes; 0 if the calibrator has not been started, or for
+ * NO_SUCH_VALUE. */
 TRUEPOSE_API size_t truepose_online_calibrator_follow_memory(
     const truepose_online_calibrator* calibrator, const truepose_changes* changes);
 /** Recognises changes from now on, and follows them. Then the model approaches what is identified:
- * no setpoint changes by more than a tenth of a count a cycle. A step is three rows at most.
+ * no setpoint changes by more than a tenth of a count a cycle. One step processes at most three
+ * rows. From then on the calibrator points into itself: do not move or copy it.
  * @param changes  of the calibrator's prior; it and the arrays must stay in place
- * @return TOO_SMALL, UNFINISHED */
+ * @return TOO_SMALL, UNFINISHED, NO_SUCH_VALUE (`end` must increase up to `steps`; `load` must be a
+ * step or -1) */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_follow(
     truepose_online_calibrator* calibrator, const truepose_changes* changes, truepose_real* memory,
     size_t count);
-/** Number of changes recognised so far, the latest one last, in turn in `latest`. @return
- * UNFINISHED
- */
+/** Number recognised so far. `latest` is a ring: change k is `latest[k % 8]`.
+ * @return UNFINISHED */
 TRUEPOSE_API truepose_outcome
 truepose_online_calibrator_changes(const truepose_online_calibrator* calibrator, int64_t* count,
                                    truepose_recognised latest[TRUEPOSE_RECOGNISED]);

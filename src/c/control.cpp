@@ -39,6 +39,11 @@ Outcome sound(const FaultMonitorSettings& s) {
   return {good ? Status::ok : Status::no_such_value};
 }
 
+Outcome sound(const SafetyLimits& limits) {
+  if (!finite(limits)) return {Status::not_finite};
+  return {limits.period > 0 ? Status::ok : Status::no_such_value};
+}
+
 namespace {
 void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   const FaultMonitor& monitor = setup.state.monitor;
@@ -269,8 +274,9 @@ truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* moni
 truepose_outcome truepose_fault_monitor_limit(truepose_fault_monitor* monitor,
                                               const truepose_safety_limits* limits) {
   return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
-    const Outcome outcome = take(*limits, setup.settings.limits);
-    setup.settings.limited = bool(outcome);
+    SafetyLimits all;
+    const Outcome outcome = take_sound(*limits, all);
+    if (outcome) setup.settings.limits = all, setup.settings.limited = true;
     return outcome;
   });
 }

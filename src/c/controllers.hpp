@@ -60,6 +60,7 @@ inline bool monitors(FaultTolerantSetup& setup, const Robot& robot, const truepo
 /// Whether settings have a value for everything; implemented where they are used.
 Outcome sound(const ControlSettings& settings);
 Outcome sound(const FaultMonitorSettings& settings);
+Outcome sound(const SafetyLimits& limits);
 
 /// Reads settings that an earlier release may have made: members they lack keep their defaults.
 template <class Core>

@@ -38,6 +38,18 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
   return {};
 }
 
+static_assert(kNews == TRUEPOSE_RECOGNISED &&
+              static_cast<int>(ChangeKind::unexplained) == TRUEPOSE_UNEXPLAINED);
+
+/// Whether every step belongs to a change, and the payload's is one of them.
+bool sound(const truepose_changes& changes) {
+  if (changes.count < 1 || changes.drifts < 0) return false;
+  bool good = changes.load >= -1 && changes.load < changes.steps;
+  for (int k = 0; k < changes.count; ++k)
+    good = good && changes.end[k] > (k > 0 ? changes.end[k - 1] : 0);
+  return good && changes.end[changes.count - 1] == changes.steps;
+}
+
 ChangeSettings settings_of(const truepose_changes& changes) {
   return {changes.steps,
           changes.step,
@@ -114,7 +126,7 @@ truepose_outcome truepose_online_calibrator_roll_back(truepose_online_calibrator
 size_t truepose_online_calibrator_follow_memory(const truepose_online_calibrator* learner,
                                                 const truepose_changes* changes) {
   const Pupil* of = held(learner);
-  return of ? memory_of(of->learner, settings_of(*changes)) : 0;
+  return of && sound(*changes) ? memory_of(of->learner, settings_of(*changes)) : 0;
 }
 
 truepose_outcome truepose_online_calibrator_follow(truepose_online_calibrator* learner,
@@ -122,8 +134,9 @@ truepose_outcome truepose_online_calibrator_follow(truepose_online_calibrator* l
                                                    truepose_real* memory, size_t count) {
   return with(learner)([&](Pupil& of) -> Outcome {
     OnlineCalibrator& own = of.learner;
+    if (!sound(*changes)) return {Status::no_such_value};
     const ChangeSettings settings = settings_of(*changes);
-    if (settings.sets < 1 || count < memory_of(own, settings)) return kTooSmall;
+    if (count < memory_of(own, settings)) return kTooSmall;
     own.settings.changes = settings;
     own.settings.drifts = changes->drifts, own.settings.drift = changes->drift;
     own.in_use = memory;

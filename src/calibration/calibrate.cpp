@@ -63,7 +63,8 @@ class Calibrator {
     do {  // graduated: from the median's scale down to the stated σ, where alone it must converge
       loss_.unit = std::max(1.0, std::min(0.5 * loss_.unit, now.spread()));
       const bool rough = loss_.unit > 1;
-      last_iteration_ = result_.iterations + (rough ? kRough : settings_.iterations);
+      last_iteration_ = result_.iterations +
+                        (rough ? std::min(kRough, settings_.iterations) : settings_.iterations);
       result_.outcome = descend(now);
     } while (loss_.unit > 1 && result_.outcome.status != Status::not_finite);
     if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses

@@ -1,4 +1,4 @@
-// Way by which a motor's loop has driven it since its reading is identical.
+// Distance a loop has driven its motor since the motor's reading last changed.
 //
 // The reading feigns an error, the motion of the setpoint since then. The loop drives the motor off
 // by ∬ kp δ + kd dδ/dt; an error at which it may rest (friction, counts) drives nothing.
@@ -9,7 +9,7 @@
 #include "math/real.hpp"
 
 namespace truepose {
-inline constexpr int kMostDriven = 1000;  ///< cycles that are counted
+inline constexpr int kMostCounted = 1000;  ///< cycles without a change that are counted
 
 /// rad or m, and s.
 struct DrivenWay {
@@ -28,7 +28,7 @@ struct DrivenWay {
     const Real last = error;
     error = away - std::clamp(away, -rests, rests);
     speed = error == 0 ? 0 : speed + period * kp * error + kd * (error - last);
-    cycles = error == 0 ? 0 : std::min(cycles + 1, kMostDriven);
+    cycles = error == 0 ? 0 : std::min(cycles + 1, kMostCounted);
     return way += period * speed;
   }
 };

@@ -98,7 +98,7 @@ int MonitoredCycle::update() {
       reading.extrapolated.cycles = 0;
       reading.scatter += (news * news - reading.scatter) / kSettling;
       FollowingError& error = reading.following;
-      if (c < n) error.now = desired[c] - believed[c];
+      if (const Real now = c < n ? desired[c] - believed[c] : 0; number(now)) error.now = now;
       if (const Real off = error.now - error.usual;
           c < n && reading.standstill.cycles == 0 && number(off)) {
         error.deviation = off;

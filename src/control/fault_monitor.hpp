@@ -2,9 +2,7 @@
 //
 // Single readings are tested in each cycle: a number, within range, no faster than the motors can
 // make it, and changing while the robot moves. The parity (parity.hpp) tests all readings together:
-// it must not be larger than readings and geometry allow (the level). The geometry's part of it
-// depends on the pose alone and changes slowly, so the innovation of a tracker of the parity has
-// little more than the readings' noise and reveals sudden faults far below the level (the change).
+// its level and its change (parity_evidence.cpp).
 //
 // While they disagree, each reading is a hypothesis with log odds (parity_evidence.cpp). One that
 // is decisively better than all others is isolated; several alike are suspected together. (Willsky

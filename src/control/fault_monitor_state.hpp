@@ -67,7 +67,6 @@ inline constexpr int kSpikesKept = 8;
 /// Share of `moved` above which a reading that stands still during a disagreement is isolated, or
 /// one whose motor was driven off.
 inline constexpr Real kStoodBy = 0.4;
-inline constexpr Real kNoNumber = 1e9;  ///< rad or m: larger readings count as missing
 
 /// Computes the limits from the false-alarm probability, shared by the level and change tests.
 /// Tests of single readings have a bound that no torque reaches, with this margin on top.
@@ -134,7 +133,7 @@ struct FaultMonitor {
   std::uint32_t lost = 0;        ///< failed motors that once had no substitute
   std::uint32_t without = 0;     ///< failed readings substituted in this cycle
   std::uint32_t held = 0;        ///< candidate motors held at their setpoints
-  bool changed = false;          ///< one of the two has: the law's input may jump
+  bool changed = false;          ///< `without` or `held` changed: the law's input may jump
   std::int64_t cycle = 0;        ///< since the first one with a pose,
   std::int64_t began = 0;        ///< and in which the parity's trackers began to settle
   bool placed = false;           ///< `pose` is known
@@ -146,7 +145,7 @@ struct FaultMonitor {
   Joint led{};                   ///< by which drives' own loops have led the motors off q_d
   std::array<Tracker, kMaxSensors> parity;
   Reading usual{};                              ///< its mean over some cycles
-  Real chi2 = 0;                                ///< level of the parity
+  Real chi2 = 0;                                ///< of the tested parity, its level or its change
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are valid
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ

@@ -27,8 +27,10 @@ struct FaultTolerantSettings {
   FaultMonitorSettings monitor;
   const Robot* finest = nullptr;     ///< model for the fault monitor; nullptr: the law's
   Supervisor* supervisor = nullptr;  ///< a package's; nullptr: none
-  bool limited = false;   ///< whether frames, speeds and stuck motors are checked against
-  SafetyLimits limits{};  ///< these limits, as no other reading shows what all have in common
+  /// Checks frames, speeds and stuck motors. No other reading reveals a fault common to all of
+  /// them.
+  bool limited = false;
+  SafetyLimits limits{};
 };
 
 /// State and report of the controller, owned by the caller; a new one starts afresh.

@@ -156,8 +156,10 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   if (nearby) *nearby = reference.rest;
   if (law == Law::weighted)
     outcome = weigh(robot, weighing, reference);
-  else if (of.corrects == Corrects::readings)
-    tej(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
+  else if (of.corrects == Corrects::readings) {
+    ExtendedColumns M;
+    tej(robot, reference.jacobians, reference.jr, M, reference.tej);
+  }
   return outcome ? regular : outcome;
 }
 

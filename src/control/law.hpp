@@ -20,7 +20,7 @@ enum class Law : int {
 enum class Corrects : int {
   motors = 0,    ///< e_q of the motors' own readings
   readings = 1,  ///< all readings, mapped by a TEJ (see `refer`)
-  pose = 2,      ///< x_d - x̂ (see `found_pose`), mapped by J⁻¹
+  pose = 2,      ///< x_d - x̂ (of `redundant_fkm` or `find`), mapped by J⁻¹
 };
 
 /// Properties of a law.
@@ -81,7 +81,6 @@ struct Reference {
   Jacobians jacobians;
   Extended q_e;  ///< q_de
   SensorRows jr;
-  ExtendedColumns M;
   ExtendedRows tej;
   Pose pose;           ///< laws of the pose: x̂ of the readings q_de
   Parasitic rest;      ///< residual motion at x_d, and the steps left to the cycle
@@ -99,10 +98,9 @@ struct Nearby : Parasitic {
 /// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)
 /// @param weighing  for laws that weigh; its `work` stays as it is until motor_error
 /// @param nearby    null, or the full level's residual motion at the last x_d, then at this one
-/// @return near_singular: J is damped; not_measured:
-/// the law needs knowledge, or a redundant reading, and there is none; joint_limit: a motor
-/// would have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the
-/// band, where the modes meet, both are accepted)
+/// @return near_singular: J is damped; not_measured: the law needs knowledge, or a redundant
+/// reading, and there is none; joint_limit: a motor would have to pass its stops; branch_lost: x_d
+/// is in another assembly mode than home (in the band, where the modes meet, both are accepted)
 Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& reference,
               Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr);
 

@@ -21,8 +21,6 @@ constexpr Real kOneCount = 1.0 / 3;  ///< that motion leaves unseen, over `still
 /// larger of which is too far.
 constexpr Real kStuckStill = 7, kStuckTracking = 0.1;
 
-bool number(Real value) { return std::fabs(value) < 1e9; }
-
 /// Adds or takes off a period of a time that a condition has held.
 void hold_time(bool holds, Real period, Real& time) {
   time = std::max(time + (holds ? period : -period), Real{0});
@@ -97,7 +95,7 @@ struct Check {
         state.pace[i] = full ? std::fabs(last[i] - past(kMostWindow)[i]) / kBack : 0;
         state.frame[i] = {state.wanted[i]};
       }
-    state.same = std::min(state.same + 1, kLongest);
+    state.same = std::min(state.same + 1, kMostCounted);
     bool moved = false;
     Real unseen = 0;  // Σ of squares, beyond the count that each motor may move unseen
     for (int i = 0; i < n; ++i) {

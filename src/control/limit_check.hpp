@@ -59,7 +59,6 @@ struct LimitState {
 
 namespace safety_detail {
 inline constexpr Real kLeastPace = 0.02;  ///< smallest motion per cycle that counts, over `still`
-inline constexpr int kLongest = 1000;     ///< cycles without a change that are counted
 inline constexpr int kFrozen = 3;         ///< identical frames that are one too many
 }  // namespace safety_detail
 

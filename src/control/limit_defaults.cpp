@@ -7,7 +7,7 @@ Unmarked::Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Rea
                    Real rests) {
   const Real T = limits.period;
   Real error = 0, pushed = 0, seen = 0;  // of that motor
-  while (cycles < kLongest && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
+  while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
     ++cycles;
     const Real next = std::max(pace * cycles - rests, Real{0});
     pushed += T * kp * next + kd * (next - error);

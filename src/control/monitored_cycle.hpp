@@ -36,8 +36,6 @@ struct MonitoredCycle {
   /// All steps. @return as of monitor_faults()
   Outcome run();
 
-  /// False also where later numbers would overflow.
-  static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
   bool delayed(int c) const { return late && c >= n && late->is(c - n); }
   int every(int c) const { return delayed(c) ? std::max(1, late->settings.every[c - n]) : 1; }
   /// Whether no motor's reading has failed.

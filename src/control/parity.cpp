@@ -103,7 +103,7 @@ Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, 
   if (!outcome || !robot.rod_by_rod()) return outcome;
   Extended ideal;
   const Outcome also = extended(Level::ideal, robot, pose, ideal);
-  for (int c = 0; c < readings(robot); ++c) beyond[c] = q_e[c] - ideal[c];
+  for (int c = 0; also && c < readings(robot); ++c) beyond[c] = q_e[c] - ideal[c];
   return also;
 }
 

@@ -1,12 +1,12 @@
 // Parity: the disagreement of the redundant readings with the motors.
 //
 // p = P (q_e - h), P = [-J_r J, I]: redundant readings minus the values that the motors predict, at
-// the motors' pose (of more motors than freedoms that of
-// their least squares; what they disagree among themselves is no part of p). p does not depend on
-// the pose; an error b of one reading adds b g, g its column of P. Without faults its covariance is
-// V = P (Σ_s + H_ξ Σ_ξ H_ξᵀ) Pᵀ, and pᵀV⁻¹p is χ². An unknown error b of one reading alone accounts
-// for (gᵀV⁻¹p)²/(gᵀV⁻¹g) of it (generalised likelihood ratio) and leaves χ² with one degree of
-// freedom less. (Gertler, Fault detection and diagnosis in engineering systems, 1998, chapter 6.)
+// the motors' pose (of more motors than freedoms that of their least squares; p has no part of
+// their own disagreement). p does not depend on the pose; an error b of one reading adds b g, g its
+// column of P. Without faults its covariance is V = P (Σ_s + H_ξ Σ_ξ H_ξᵀ) Pᵀ, and pᵀV⁻¹p is χ². An
+// unknown error b of one reading alone accounts for (gᵀV⁻¹p)²/(gᵀV⁻¹g) of it (generalised
+// likelihood ratio) and leaves χ² with one degree of freedom less. (Gertler, Fault detection and
+// diagnosis in engineering systems, 1998, chapter 6.)
 #pragma once
 
 #include <cstdint>
@@ -15,6 +15,9 @@
 
 namespace truepose {
 constexpr std::uint32_t bit(int reading) { return std::uint32_t{1} << reading; }
+
+/// Whether a reading, rad or m, is a number. False also where later numbers would overflow.
+inline bool number(Real reading) { return std::fabs(reading) < 1e9; }
 
 /// Readings at the pose that the motors give.
 struct Parity {

@@ -10,7 +10,8 @@ void MonitoredCycle::test_readings(int begin, int end) {
       reading.track = {q_e[c], 0};
       reading.standstill.reading = q_e[c];
       reading.standstill.model = c < n ? desired[c] : q_e[c];
-      reading.following.usual = c < n ? desired[c] - q_e[c] : 0;
+      const Real off = c < n ? desired[c] - q_e[c] : 0;
+      reading.following.usual = number(off) ? off : 0;
     }
     const Real predicted = reading.track.predicted(settings.period), news = q_e[c] - predicted;
     innovation[c] = within_turn(robot, c, news);

@@ -22,8 +22,9 @@ Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps
   on.steps = steps;
   on.at = difference(robot.mobility, at, desired);
   pose = on.known ? moved(robot.mobility, desired, on.good) : at;
-  if (++on.cycles < kSearchCycles) return {};
+  if (++on.cycles < kSearchCycles) return {on.failed ? Status::not_converged : Status::ok};
   on = {};
+  on.failed = true;
   return {Status::not_converged};
 }
 
@@ -71,6 +72,7 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
     outcome = go_on(robot, desired.pose, at.pose, result.iterations, on, found);
   } else {
     on = {};
+    on.failed = true;
   }
   on.left = left;
   return outcome;

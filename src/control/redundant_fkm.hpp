@@ -31,6 +31,7 @@ struct Ongoing {
   bool restarted = false;  ///< whether it has restarted at the motors' pose
   bool known = false;      ///< whether there is an x̂
   bool slow = false;       ///< whether it took more than kQuickSteps
+  bool failed = false;     ///< the last search found no x̂: no answer until one does
   int left = 0;            ///< steps of closings that the last cycle has left
   Coordinates good{};      ///< last x̂ minus its x_d
   Coordinates at{};        ///< where the search stopped, minus x_d
@@ -39,7 +40,8 @@ struct Ongoing {
 /// Notes that a search has no steps left in this cycle. @param at  where it goes on
 /// @param pose  out: the answer meanwhile, the last x̂, moved along with x_d; `at` where there is
 /// none
-/// @return not_converged after kSearchCycles: the next search starts at x_d
+/// @return not_converged after kSearchCycles, the next search starting at x_d, and from then on in
+/// every cycle until a search has ended
 Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
               Pose& pose);
 

@@ -5,7 +5,6 @@
 
 namespace truepose::fault_monitor_detail {
 namespace {
-constexpr int kLongest = 1000;  ///< cycles, counted at most
 /// Share of `moved` by which the setpoint must have left a reading that stands still.
 constexpr Real kLed = 0.2;
 /// σ by which a motor may deviate from its usual following error: one that oscillates about its
@@ -69,7 +68,7 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
     still.forced_error = c < n ? monitor.pushed[c] : 0;
     return;
   }
-  still.cycles = std::min(still.cycles + 1, kLongest);  // a robot may stand still for months
+  still.cycles = std::min(still.cycles + 1, kMostCounted);  // a robot may stand still for months
   for (int j = 0; c >= n && monitor.placed && j < n; ++j) {
     const Real by = parity.g[c - n][j] * (desired[j] - monitor.desired[j]);
     still.setpoint_motion += number(by) ? by : 0;

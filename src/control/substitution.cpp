@@ -64,7 +64,7 @@ void MonitoredCycle::substitute() {
         step[i] -= parity.jacobians.J[i][c] * b;
     } else if (motor && failed) {
       monitor.lost |= bit(c);
-      believed[c] = desired[c];  // the motor's error is 0
+      believed[c] = number(desired[c]) ? desired[c] : reading.track.predicted(settings.period);
     } else if (motor) {
       believed[c] = std::isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
                                               : reading.track.predicted(settings.period);
@@ -89,8 +89,9 @@ void MonitoredCycle::refresh() {
   const Knowledge& known = *weighing.known;
   Real *PH = weighing.work, *B = PH + rows * parameter_count(robot);
   Extended beyond;
-  monitor.known = bool(geometry_at(robot, parity, monitor.pose, PH, beyond, monitor.rest));
-  if (!monitor.known) return;
+  // An earlier covariance remains valid where this one fails.
+  if (!geometry_at(robot, parity, monitor.pose, PH, beyond, monitor.rest)) return;
+  monitor.known = true;
   parity.open(robot, known, PH, B);
   for (int k = 0; k < r; ++k)
     for (int l = 0; l <= k; ++l)

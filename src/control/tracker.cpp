@@ -16,7 +16,6 @@ TrackerGains tracker_gains(Real pole) {
     const Real input = k == 0 ? 1 : k == 1 ? -2 : k == 2 ? 1 : 0;
     const Real h = input + 2 * pole * last - pole * pole * before;
     gains.variance += h * h;
-    gains.largest += h < 0 ? -h : h;
     before = last;
     last = h;
   }

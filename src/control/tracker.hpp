@@ -16,9 +16,9 @@ struct Tracker {
 };
 
 /// Gains from a reading to its innovation, h = ((1 - z⁻¹)/(1 - pole z⁻¹))²: Σh² for white noise,
-/// Σ|h| for bounded errors such as counts, the steady state for a constant second difference.
+/// the steady state for a constant second difference.
 struct TrackerGains {
-  Real variance = 0, largest = 0, acceleration = 0;
+  Real variance = 0, acceleration = 0;
 };
 
 TrackerGains tracker_gains(Real pole);

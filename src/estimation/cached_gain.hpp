@@ -143,8 +143,9 @@ struct CachedFusion {
 };
 
 /// Refreshes the cache at a pose, and measures the error of the old one.
-/// @param q   of the motors there @param at  in: placed; out: weighed @param B  work space, (n +
-/// r)×count
+/// @param q   of the motors there
+/// @param at  in: placed; out: weighed
+/// @param B   work space, (n + r)×count
 /// @return not_finite where some σ is not a positive number
 Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, const Joint& q,
                 const PoseRows& H_x, const Real* H_xi, Real* B, CachedGain& kept, CachedFusion& at);

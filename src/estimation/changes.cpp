@@ -178,12 +178,19 @@ void add_row(const ChangeSettings& changes, const Knowledge& known, const Equati
 
 Finding decide(const ChangeSettings& changes, int readings, Window& window, Extended& sigma) {
   Finding finding;
-  Recognised& best = finding.likeliest;
+  std::array<Recognised, 3> best;  // of each kind
+  for (Recognised& of : best) of.log_odds = -INFINITY;
+  const auto best_of = [&](ChangeKind kind) -> Recognised& {
+    return best[static_cast<std::size_t>(kind)];
+  };
   Real left = window.chi2, top = 0;
   const auto compare = [&](ChangeKind kind, int which, const Gain& gain) {
-    if (!(gain.log_odds > top)) return;
+    Recognised& of = best_of(kind);
+    if (gain.log_odds > of.log_odds) of = {0, kind, which, gain.log_odds};
+    if (!(gain.log_odds > top)) return false;
     top = gain.log_odds, left = window.chi2 - gain.chi2;
-    best = {0, kind, which, top};
+    finding.likeliest = of;
+    return true;
   };
   const auto gain = [&](int change) {
     Gain found = gain_of(steps_of(changes, change), window);
@@ -193,13 +200,14 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   for (int k = 0; k < changes.sets; ++k) compare(ChangeKind::part, k, gain(k));
   for (int c = 0; c < readings; ++c) compare(ChangeKind::fault, c, gain(changes.sets + c));
   const Real steps_top = top;
+  Real factor = 1;  // of noise, if that is the likeliest
   for (int c = 0; c < readings; ++c)
     for (std::size_t f = 0; f < kFactor.size(); ++f) {
       if (kFactor[f] < 1 && sigma[c] < 1.5 * window.sigma[c]) continue;
       const bool wild = kFactor[f] * sigma[c] > kNoisiest * window.sigma[c];
-      compare(wild ? ChangeKind::fault : ChangeKind::noise,
-              wild ? c : static_cast<int>(f) * readings + c,
-              {window.noisy[f][c] + kLogNoise, window.chi2});
+      if (compare(wild ? ChangeKind::fault : ChangeKind::noise, c,
+                  {window.noisy[f][c] + kLogNoise, window.chi2}))
+        factor = kFactor[f];
     }
   const bool noisy = top > steps_top;
   // Relative to the likeliest.
@@ -213,14 +221,12 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   finding.fits =
       window.used >= kUsed * window.next && left <= beyond(kFit, std::max(1, window.freedom));
   if (!finding.decisive) return finding;
-  if (best.kind == ChangeKind::noise) {
-    const int c = best.which % readings;
-    sigma[c] *= kFactor[best.which / readings];
-    best.which = c;
+  if (finding.likeliest.kind == ChangeKind::noise) {
+    sigma[finding.likeliest.which] *= factor;
   } else if (noisy || faults >= 0.5 * all) {
-    best.kind = ChangeKind::fault;
+    finding.likeliest = best_of(ChangeKind::fault);
   } else {
-    best.kind = ChangeKind::part;
+    finding.likeliest = best_of(ChangeKind::part);
     for (int k = 0; k < changes.sets; ++k) {
       const Real share = std::exp(gain(k).log_odds - top) / parts;
       const auto [first, count] = steps_of(changes, k);

@@ -73,6 +73,8 @@ struct Window {
   Real moved = 0;      ///< amount of the payload by which the start was moved
   bool gross = false;  ///< the last row was far off
   int suspect = -1;    ///< reading that alone explains why the filter stopped
+  bool fault = false;  ///< a fault was reported, and no window without one has followed
+  std::array<Recognised, kOpenings> opened{};  ///< changes of this window, reported at its end
   std::array<Recognised, kNews> news{};
   long recognised = 0;  ///< number of changes so far; the last kNews in turn in `news`
 };

@@ -33,7 +33,7 @@ Outcome innovate(const OnlineSettings& settings, const OnlineState& state, int r
 
 namespace {
 /// Effect of a payload on the equations free of the pose. @return false without one, or where the
-/// motors' Jacobian is not square and regular
+/// Jacobian of the first n motors is singular
 bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& sigma,
                 const RowsOfPose& H_x, const Real* G, std::array<Real, kMaxReadings>& loaded) {
   if (changes.load < 0) return false;
@@ -112,20 +112,22 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
   return innovate(settings, state, rows - n, e.data() + n, curvature, work, line.innovations);
 }
 
-void copy_state(OnlineState& state, bool back) {
+void save(const OnlineState& state, Real* kept) {
   const int p = state.count;
-  Real *mean = state.kept, *root = mean + p;
-  for (int k = 0; k < p; ++k) {
-    Real& value = state.xi[state.column[k]];
-    (back ? value : mean[k]) = back ? mean[k] : value;
-  }
-  std::copy_n(back ? root : state.root, p * p, back ? state.root : root);
+  for (int k = 0; k < p; ++k) kept[k] = state.xi[state.column[k]];
+  std::copy_n(state.root, p * p, kept + p);
+}
+
+void restore(OnlineState& state, const Real* kept) {
+  const int p = state.count;
+  for (int k = 0; k < p; ++k) state.xi[state.column[k]] = kept[k];
+  std::copy_n(kept + p, p * p, state.root);
 }
 
 void weigh_line(OnlineState& state, int readings, Real log_ratio) {
   ResidualTest& doubt = state.doubt;
   if (state.kept && doubt.evidence <= 0 && ++doubt.since >= kEvery) {
-    copy_state(state, false);
+    save(state, state.kept);
     doubt.since = 0;
   }
   ++doubt.lines;
@@ -134,7 +136,7 @@ void weigh_line(OnlineState& state, int readings, Real log_ratio) {
   if (!(doubt.evidence > kStop)) return;
   doubt.stopped = true;
   doubt.suspect = outstanding(readings, doubt.blame, kNamed);
-  if (state.kept) copy_state(state, true);
+  if (state.kept) restore(state, state.kept);
 }
 
 void update(const OnlineSettings& settings, const Innovations& made, const Work& work,
@@ -165,7 +167,7 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
   const online_detail::Work work(drawn, p, memory);
   ResidualTest& doubt = state.doubt;
   const bool gated = settings.gate > 0 && !doubt.stopped;
-  if (gated && state.kept && doubt.lines == 0) online_detail::copy_state(state, false);
+  if (gated && state.kept && doubt.lines == 0) online_detail::save(state, state.kept);
   const Real* xi = settings.linearised ? settings.linearised : state.xi;
   Outcome outcome = set_parameters(drawn, xi, robot);
   if (!outcome) return outcome;

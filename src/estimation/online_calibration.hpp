@@ -82,8 +82,10 @@ Outcome understand(Level level, const Robot& robot, const OnlineSettings& settin
                    const Extended& q_e, const OnlineState& state, const Pose& guess, int without,
                    const Work& work, Line& line);
 
-/// Saves ξ̂ and S, or restores them.
-void copy_state(OnlineState& state, bool back);
+/// Saves ξ̂ and S in online_kept(count) numbers.
+void save(const OnlineState& state, Real* kept);
+/// Restores them.
+void restore(OnlineState& state, const Real* kept);
 
 /// Whether no pose was found that fits the readings.
 constexpr bool no_pose(Status status) {
@@ -104,9 +106,9 @@ void update(const OnlineSettings& settings, const Innovations& made, const Work&
 /// @param robot   in: any copy of it; out: the robot at the ξ of linearisation
 /// @param pose    in: a guess; out: x̂ before ξ̂ moved
 /// @param memory  online_work(drawn, count) numbers
-/// @return `disagree`: no update, or none by the reading named; `stopped`: no update now or later,
-/// and ξ̂ and S are back at their last good values. Both come with a pose. Without an answer ξ̂ and
-/// S are unchanged, unless a row without a pose stops the filter.
+/// @return `disagree`: no update, or none by the reading named; `stopped`: no update until `doubt`
+/// is reset, and ξ̂ and S are back at their last good values. Both come with a pose. Without an
+/// answer ξ̂ and S are unchanged, unless a row without a pose stops the filter.
 Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
                 const Extended& q_e, OnlineState& state, Robot& robot, Pose& pose, Real* memory);
 }  // namespace truepose

@@ -7,19 +7,13 @@
 
 namespace truepose {
 namespace {
+using online_detail::restore, online_detail::save;
+
 constexpr int kSoon = 10;  ///< rows within which disagreement stops the filter
 
-/// ξ̂ and S of the filter become these, or these those.
-void hand_over(OnlineState& state, const Real* mean) {
-  const int p = state.count;
-  for (int k = 0; k < p; ++k) state.xi[state.column[k]] = mean[k];
-  std::copy_n(mean + p, p * p, state.root);
-}
-
-void keep(const OnlineState& state, Real* mean) {
-  const int p = state.count;
-  for (int k = 0; k < p; ++k) mean[k] = state.xi[state.column[k]];
-  std::copy_n(state.root, p * p, mean + p);
+/// σ of every reading's own error before changes of its noise.
+const Extended& first_sigma(const OnlineState& state) {
+  return state.window ? state.window->sigma : state.sigma;
 }
 
 Outcome learn(Level level, OnlineCalibrator& learner, const Extended& q_e) {
@@ -36,13 +30,14 @@ void begin_window(OnlineCalibrator& learner) {
   Window& window = *state.window;
   const ChangeSettings& changes = learner.settings.changes;
   const int m = readings(*learner.drawn);
-  keep(state, window.base);
+  save(state, window.base);
   window.before = state.sigma;
   std::fill_n(window.share, changes.count, 0.0);
   std::copy(window.stored + window.next * m, window.stored + window.last * m, window.stored);
   window.last -= std::exchange(window.next, 0);
   window.openings = window.passes = 0;
   window.moved = 0;
+  learner.settings.linearised = nullptr;
   restart(changes, m, state.count, window, learner.work);
 }
 
@@ -53,16 +48,22 @@ void replay(OnlineCalibrator& learner, const Real* about) {
   restart(learner.settings.changes, readings(*learner.drawn), state.count, window, learner.work);
   if (about) std::copy_n(about, parameter_count(*learner.drawn), window.about);
   learner.settings.linearised = about ? window.about : nullptr;
-  hand_over(state, window.mean);
+  restore(state, window.mean);
   state.doubt = {};
   window.next = 0;
 }
 
-void report(OnlineCalibrator& learner, Recognised change, ChangeKind kind) {
-  Window& window = *learner.state.window;
-  change.row = learner.lines + learner.left_out;
-  change.kind = kind;
+void report(Window& window, const Recognised& change) {
   window.news[window.recognised++ % kNews] = change;
+}
+
+/// Reports a fault, or rows that nothing explains, once for as long as it goes on.
+void report_fault(Window& window, Recognised fault) {
+  fault.kind = window.suspect < 0 ? ChangeKind::unexplained : ChangeKind::fault;
+  fault.which = window.suspect;
+  const Recognised& last = window.news[(window.recognised + kNews - 1) % kNews];
+  if (!std::exchange(window.fault, true) || last.kind != fault.kind || last.which != fault.which)
+    report(window, fault);
 }
 
 /// Decides over the rows of the window so far.
@@ -72,32 +73,31 @@ void conclude(OnlineCalibrator& learner) {
   const int m = readings(*learner.drawn);
   Finding finding = decide(learner.settings.changes, m, window, state.sigma);
   const ChangeKind kind = finding.likeliest.kind;
-  const bool opens = finding.decisive && kind != ChangeKind::fault;
-  if (opens && window.openings++ < kOpenings) {
-    report(learner, finding.likeliest, kind);
+  finding.likeliest.row = learner.lines + learner.left_out;
+  if (finding.decisive && kind != ChangeKind::fault && window.openings < kOpenings) {
+    window.opened[window.openings++] = finding.likeliest;
     window.passes = kind == ChangeKind::part ? 2 : 1;
     window.goal = window.last;
     return replay(learner, nullptr);
   }
   if (finding.decisive || !finding.fits) {  // a fault, or nothing explains the rows
-    window.recognised -= std::min(window.openings, kOpenings);  // they did not explain it, either
     const bool fault = finding.decisive && kind == ChangeKind::fault;
     if (window.suspect < 0 && fault) window.suspect = finding.likeliest.which;
-    if (window.suspect >= 0) finding.likeliest.which = window.suspect;
-    report(learner, finding.likeliest,
-           window.suspect < 0 ? ChangeKind::unexplained : ChangeKind::fault);
+    report_fault(window, finding.likeliest);
     state.sigma = window.before;
-    hand_over(state, window.base);
+    restore(state, window.base);
     state.doubt.stopped = true;
     state.doubt.suspect = window.suspect;
     return begin_window(learner);
   }
   if (state.doubt.stopped && finding.unchanged) {  // the rows agree again
-    hand_over(state, window.mean);
+    restore(state, window.mean);
     state.doubt = {};
     window.suspect = -1;
+    window.fault = false;
   }
   if (window.openings > 0) window.suspect = -1;
+  for (int k = 0; k < window.openings; ++k) report(window, window.opened[k]);
   if (window.next >= kWindow || window.openings > 0) begin_window(learner);
 }
 
@@ -117,10 +117,11 @@ Outcome publish(Level level, OnlineCalibrator& learner) {
   outcome = linearise(level, learner.robot, learner.pose, expected, H_x, H_xi, &rest);
   if (!outcome) return outcome;
   Real share = 1;
+  const Extended& sigma = first_sigma(learner.state);
   for (int c = 0; c < drawn.motors; ++c) {
     const Real jump =
         sum_of(width, [&](int k) { return H_xi[c * width + k] * (xi[k] - in_use[k]); });
-    const Real most = kJump * learner.state.sigma[c];
+    const Real most = kJump * sigma[c];
     if (std::fabs(jump) > most) share = std::min(share, most / std::fabs(jump));
   }
   for (int k = 0; k < width; ++k)
@@ -163,13 +164,13 @@ Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended&
   const int m = readings(*learner.drawn);
   bool news = learner.lines + learner.left_out == 0;
   for (int c = 0; c < m; ++c)
-    news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * state.sigma[c];
+    news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * first_sigma(state)[c];
   Outcome outcome = learner.made;
   if (window) {
     if (window->last == 0) begin_window(learner);
     if (news && !all_finite(q_e, m)) return {Status::not_finite, -1};
-    if (news && window->last < kStored)
-      std::copy_n(q_e.begin(), m, window->stored + window->last++ * m);
+    if (window->last == kStored) news = false;  // no room yet: the row is new in the next cycle
+    if (news) std::copy_n(q_e.begin(), m, window->stored + window->last++ * m);
     if (!replaying(learner)) {
       const Outcome believed = publish(level, learner);
       return believed ? outcome : believed;
@@ -194,11 +195,12 @@ Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended&
 Outcome roll_back(OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
   if (!state.kept || state.doubt.lines == 0) return {};
-  online_detail::copy_state(state, true);
+  restore(state, state.kept);
   state.doubt.evidence = 0;
   state.doubt.blame = {};
   state.doubt.since = 0;
   if (state.window) begin_window(learner);
+  if (learner.in_use) std::copy_n(state.xi, parameter_count(*learner.drawn), learner.in_use);
   return publish(level_of(*learner.drawn), learner);
 }
 }  // namespace truepose

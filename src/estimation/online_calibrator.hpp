@@ -1,7 +1,8 @@
 // Online calibration beside the control cycle.
 //
 // Between readings and torque, the online filter (online_calibration.hpp) updates ξ by this row of
-// readings; from then on the controller uses the robot at ξ̂.
+// readings. From then on the controller uses the robot at ξ̂; with a window of changes, one that
+// approaches ξ̂.
 #pragma once
 
 #include "estimation/online_calibration.hpp"
@@ -39,7 +40,8 @@ inline bool replaying(const OnlineCalibrator& learner) {
 
 /// Runs one cycle. Bounded work, no allocation, no exception.
 /// @return outcome of this row or, if it is no information, of the last one: only `ok` means that
-/// all of it was used. `stopped` from the cycle in which the filter stops, with the last good robot
+/// all of it was used. `stopped` from the cycle in which the filter stops, with the last good
+/// robot; with a window, until the rows agree again or a change explains them
 Outcome calibrate_online(Level level, OnlineCalibrator& learner, const Extended& q_e);
 
 /// The same at the robot's own level.

@@ -147,7 +147,7 @@ struct Online : OnlineCalibrator {
 
   /// The calibrator for a run: with the robot at ξ̂. Its first row is new.
   OnlineCalibrator& begin(const Robot& of) {
-    settings.linearised = nullptr;
+    if (!replaying(*this)) settings.linearised = nullptr;
     robot = of;
     robot.level = nominal.level;
     static_cast<void>(set_parameters(nominal, xi.data(), robot));
@@ -191,7 +191,8 @@ struct Online : OnlineCalibrator {
               long excluded, const nb::bytes& sigma, const nb::bytes& doubt,
               const nb::bytes& evidence, const nb::bytes& news) {
     if (saved.size() != kept.size() || rows.size() != remembered.size() ||
-        doubt.size() != sizeof state.doubt || evidence.size() != sizeof window)
+        sigma.size() != sizeof state.sigma || doubt.size() != sizeof state.doubt ||
+        evidence.size() != sizeof window || news.size() % sizeof recognised[0] != 0)
       throw std::invalid_argument("the memory of another filter");
     std::ranges::copy(saved, kept.begin());
     std::ranges::copy(rows, remembered.begin());

@@ -10,11 +10,9 @@ namespace mechanisms {
 /// A robot as calibrated, what is known of it, and the true robot.
 class AtWork {
  public:
-  /// The calibrated robot is off the nominal one by its tolerances, 0.1° of yaw and tilt among
-  /// them.
+  /// The calibrated robot is off the nominal one by its tolerances, also 0.1° of yaw and tilt.
   /// @param sensors  redundant readings in use, at most 6: the mechanism's own two, then a
-  /// telemeter
-  ///                 of height and draw-wires
+  /// telemeter of height and draw-wires
   AtWork(const Mechanism& mechanism, Level level, int sensors, unsigned seed = 1);
 
   struct Cycle {

@@ -465,6 +465,11 @@ TEST_EACH(for_each, "a follower in C recognises what the core's does") {
   const ChangeSettings& settings = core.settings.changes;
   const truepose_changes changes{settings.count, settings.sets,     0,       -1, settings.step,
                                  settings.end,   settings.log_odds, nullptr, {}, {}};
+  truepose_changes wrong = changes;
+  ++wrong.steps;
+  CHECK(truepose_online_calibrator_follow_memory(&learner, &wrong) == 0);
+  CHECK(truepose_online_calibrator_follow(&learner, &wrong, nullptr, 0).status ==
+        TRUEPOSE_NO_SUCH_VALUE);
   std::vector<truepose_real> more(truepose_online_calibrator_follow_memory(&learner, &changes));
   CHECK(
       truepose_online_calibrator_follow(&learner, &changes, more.data(), more.size() - 1).status ==
@@ -642,6 +647,11 @@ TEST("settings that no controller or monitor can have are refused") {
   limits.size = sizeof limits;
   limits.period = 2e-3;
   CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_OK);
+  CHECK(setup.settings.limited && setup.settings.limits.period == 2e-3);
+  limits.period = 0;
+  CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_NO_SUCH_VALUE);
+  limits.torque[0] = NAN;
+  CHECK(truepose_fault_monitor_limit(&fault_state, &limits).status == TRUEPOSE_NOT_FINITE);
   CHECK(setup.settings.limited && setup.settings.limits.period == 2e-3);
   CHECK(truepose_fault_monitor_frame(&fault_state, 7).status == TRUEPOSE_OK);
   CHECK(setup.state.frame.given && setup.state.frame.value == 7);

@@ -119,6 +119,74 @@ TEST_EACH(for_each, "the robot in use approaches what is learnt by a tenth of a 
   CHECK(moved > 0);
 }
 
+TEST("the reported change is the likeliest of the kind that is decided") {
+  // Of three alike parts each is less likely than the fault of one reading, but not all together.
+  constexpr int kSets = 3, kReadings = 2;
+  const std::int32_t end[]{1, 2, 3};
+  const double odds[]{0, 0, 0}, step[kSets]{};
+  const ChangeSettings changes{kSets, step, kSets, end, odds};
+  constexpr int kSteps = kSets + 2 * kReadings, kWidest = 2;
+  std::vector<double> z(kSteps, 0), product(kSteps * kWidest, 0), scratch(64), share(kSets, 0);
+  Window window;
+  window.widest = kWidest, window.z = z.data(), window.product = product.data();
+  window.scratch = scratch.data(), window.share = share.data();
+  window.sigma.fill(1e-5);
+  for (Extended& noisy : window.noisy) noisy.fill(-20);
+  const auto decided = [&] {
+    Extended sigma = window.sigma;
+    return decide(changes, kReadings, window, sigma);
+  };
+  // log odds z²/2 with S = 0: 8 of each part, 8.5 of the second reading's fault
+  for (int k = 0; k < kSets; ++k) z[k] = 4 + 1e-3 * (k == 2);
+  z[kSets + 2] = std::sqrt(2 * (8.5 - kLogFault));
+  const Recognised part = decided().likeliest;
+  CHECK(part.kind == ChangeKind::part && part.which == 2);
+  // The other way round: two faults together are likelier than the one part.
+  z.assign(kSteps, 0);
+  z[0] = std::sqrt(2 * 8.5);
+  z[kSets] = std::sqrt(2 * (8 - kLogFault)), z[kSets + 2] = z[kSets] + 1e-3;
+  const Recognised fault = decided().likeliest;
+  CHECK(fault.kind == ChangeKind::fault && fault.which == 1);
+  // Noise that is not decisive is of a reading, too.
+  z.assign(kSteps, 0);
+  window.noisy[2][1] = 1 - kLogNoise;
+  const Finding noise = decided();
+  CHECK(!noise.decisive && noise.likeliest.kind == ChangeKind::noise);
+  CHECK(noise.likeliest.which == 1);
+}
+
+TEST_EACH(for_each, "a fault that goes on is reported once") {
+  Scene scene(mechanism, 86);
+  scene.work(60);
+  const long before = scene.window().recognised;
+  for (int k = 0; k < 600; ++k) {
+    Extended q_e = scene.read();
+    q_e[n + 1] += k % 2 ? 0.3 : -0.2;
+    static_cast<void>(scene.learn(q_e));
+  }
+  const Window& window = scene.window();
+  CHECK(window.recognised > before && window.recognised <= kNews);
+  for (long k = before + 1; k < window.recognised; ++k)
+    CHECK(window.news[k].kind != window.news[k - 1].kind ||
+          window.news[k].which != window.news[k - 1].which);
+  CHECK(scene.learner.state.doubt.stopped);
+}
+
+TEST_EACH(for_each, "after a roll-back in a second pass rows are linearised at the filter") {
+  Scene scene(mechanism, 87);
+  if (motors > n) return;
+  scene.home();
+  for (int k = 0; k < 150 && !scene.learner.settings.linearised; ++k)
+    static_cast<void>(scene.learn(scene.read()));
+  CHECK(scene.learner.settings.linearised);
+  static_cast<void>(scene.learn(scene.read()));
+  CHECK(roll_back(scene.learner));
+  CHECK(!scene.learner.settings.linearised);
+  const OnlineCalibrator& learner = scene.learner;
+  CHECK(
+      std::equal(learner.in_use, learner.in_use + parameter_count(scene.truth), learner.state.xi));
+}
+
 TEST("a row costs three at most, also while earlier ones are processed again") {
   const Mechanism mechanism = h4();
   Scene scene(mechanism, 85);

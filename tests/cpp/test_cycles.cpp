@@ -121,6 +121,39 @@ TEST("meanwhile a law answers from the last pose, which moves along with the set
   });
 }
 
+TEST("readings without a pose have no answer again once a search for it has failed") {
+  int without = 0;
+  for_each_at_work([&](AtWork& at) {
+    const ControlSettings settings = settings_for(at.robot, Law::estimated);
+    const auto motion = at.motion(20), trouble = at.trouble(105);
+    for (const AtWork::Cycle& wrong : trouble)
+      for (const bool caches : {false, true}) {
+        ControlState state;
+        CachedGain kept;
+        Weighing weighing = at.prior.weighing();
+        const Setpoint& setpoint = motion.back().setpoint;
+        Reference reference;
+        Joint error{};
+        Pose found;
+        CHECK(refer(at.robot, Law::estimated, setpoint.x, reference, 0, weighing));
+        if (motor_error(at.robot, Law::estimated, reference, wrong.q_e, error, found, weighing))
+          continue;
+        if (caches) weighing.kept = &kept;
+        for (const AtWork::Cycle& usual : motion)
+          CHECK(control(at.robot, settings, usual.setpoint, usual.q_e, state, weighing));
+        bool failed = false;
+        for (int cycle = 0; cycle < 50; ++cycle) {
+          const bool answers =
+              bool(control(at.robot, settings, setpoint, wrong.q_e, state, weighing));
+          CHECK(!failed || !answers);
+          failed = failed || !answers;
+        }
+        without += failed;
+      }
+  });
+  CHECK(without > 100);
+}
+
 TEST("the law's x̂ solves its own least squares") {
   for_each_at_work([](AtWork& at) {
     const Robot& robot = at.robot;

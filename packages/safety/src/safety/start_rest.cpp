@@ -15,15 +15,15 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   if (fkm(robot, motors_of(robot, q_e), pose).status > Status::ok) return INFINITY;
   if (robot.r == 0 || !weighing) return 0;
   const Knowledge& known = *weighing.known;
-  Real *H_xi = weighing.work, *B = H_xi + e * parameter_count(robot);
+  Real *PH = weighing.work, *B = PH + e * parameter_count(robot);
   Extended beyond, noise{};
   Parity parity;
   Parasitic rest;
   Outcome outcome = parity.look(robot, pose, {});
-  if (outcome) outcome = geometry_at(robot, parity, pose, H_xi, beyond, rest);
+  if (outcome) outcome = geometry_at(robot, parity, pose, PH, beyond, rest);
   if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
   if (!outcome) return INFINITY;
-  parity.open(robot, known, H_xi, B);
+  parity.open(robot, known, PH, B);
   Matrix<kMaxSensors, kMaxSensors> geometry{};
   for (int k = 0; k < robot.r; ++k)
     for (int l = 0; l <= k; ++l)
