@@ -269,7 +269,7 @@ def test_readings_noisier_than_stated_are_no_mistake_and_count_as_noisy(h4_z, no
     x, rows = noisy
     fit = tp.calibrate(h4_z, rows)
     assert fit.causes.verdict == "unexplained"
-    assert "nearest: the sensors seem noisier than stated by a factor of about" in fit.notes[-1]
+    assert "nearest: the readings seem noisier than stated by a factor of about" in fit.notes[-1]
     assert (
         0.2
         < ratio2(fit, x)

@@ -206,3 +206,14 @@ def test_a_line_without_numbers_is_refused_and_leaves_the_filter_as_it_was(h4, l
 def test_wrong_options_are_told(h4, options, words):
     with refused(words):
         tp.OnlineCalibrator(h4, **options)
+
+
+def test_a_replay_drops_what_was_recognized(h4, lines):
+    _, q_e = lines
+    online = tp.OnlineCalibrator(h4)
+    online.observe(q_e[:20])
+    online.exchanged("theta")
+    online.observe(q_e[20:40])
+    assert online.lines + online.left_out == 40
+    online.replay(q_e[:30], 1)
+    assert online.lines + online.left_out == 30
