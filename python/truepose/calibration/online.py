@@ -245,9 +245,10 @@ class OnlineCalibrator:
         noise[[self._robot.readings.index(sensor) for sensor in sensors]] = 1.0
         xi[[column[name] for name in fresh]] = [file[name].mean for name in fresh]
         self._start(xi, knowledge.triangular(np.hstack([root, new])))
-        sigma, now = np.array(self._filter.sigma), self._filter.memory
+        sigma, now = np.array(self._filter.sigma), list(self._filter.memory)
         sigma[: len(noise)] *= noise
-        self._filter.resume(*now[:3], *before[3:5], sigma.tobytes(), *now[6:])
+        now[3:6] = *before[3:5], sigma.tobytes()
+        self._filter.resume(*now)
 
     @property
     def lines(self) -> int:
