@@ -21,11 +21,11 @@ from truepose.exceptions import InputError, one_line
 from truepose.robot import Robot, knowledge
 from truepose.show.terminal import say
 
-#: s without a new row after which a line says so; pause before a file is read again, s.
+#: s without a new row after which a line is printed; pause before a file is read again, s.
 SILENT, PAUSE = 10.0, 0.2
 #: σ by which a reading must have moved since the last row that counted, as in a controller.
 FRESH = 30.0
-#: Rows in a row without a movement after which a line says so; rows between written files.
+#: Rows in a row without a movement after which a line is printed; rows between written files.
 RESTING, EVERY = 200, 50
 #: Rows in a row, each later than the one before, after which an earlier clock is a new one.
 CLOCK = 5
@@ -109,7 +109,7 @@ class _Told:
 def _rows(
     robot: Robot, path: Path | None, columns: str | None, end_after: float | None
 ) -> Iterator[Array]:
-    """Yield the rows of readings that say something new."""
+    """Yield the rows of readings that differ from the last one used."""
     wanted = [*robot.readings]
     sigma = FRESH * knowledge.reading_sigma(robot)
     where, wrong = path or "standard input", _Told()
@@ -156,7 +156,7 @@ def _rows(
                 continue
             resting += 1
             if resting == RESTING:
-                say(f"truepose: {RESTING} rows without a movement: they say nothing new", err=True)
+                say(f"truepose: {RESTING} rows without a movement: left out", err=True)
 
 
 def _require(wanted: list[str], names: list[str], where: object) -> None:
