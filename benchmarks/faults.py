@@ -2,7 +2,7 @@
 
 faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
 faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
-faults.py alarms [--robots 8] [--seconds 3]   # there: false alarms with all effects
+faults.py alarms [--robots 8] [--seconds 10]   # there: false alarms with all effects
 faults.py payload [--robots 30]          # there: disturbances
 faults.py campaign [--robots 5]   # packages/safety/docs/safety-shell.md: every kind, in the shell
 faults.py frozen [--robots 8]            # there: all readings at once

@@ -30,6 +30,10 @@ COMMANDS = {
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
 MODULES = {
+    "truepose.control.adaptive": "truepose.calibration.online",
+    "truepose.control.changes": "truepose.calibration.changes",
+    "truepose.control.evidence": "truepose.calibration.changes",
+    "truepose.control.memory": "truepose.calibration.online",
     "truepose.control.safety": "truepose_safety.shell",
     "truepose.deploy.json_export": "truepose_printers.robot_json",
     "truepose.faults.parity": "truepose.calibration.parity",

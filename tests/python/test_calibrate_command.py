@@ -141,6 +141,7 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, refusal, readings, t
             "--reference-pose 0,0: must be 4 numbers, x,y,z,theta",
         ),
         (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
+        (["h4", "log.csv", "--loss", "squares", "--tuning", "4"], "tuning: loss 'squares' has"),
         (
             ["h4", "log.csv", "--loss", "cubes"],
             "'cubes' is not one of 'squares', 'student'",

@@ -269,7 +269,7 @@ def test_readings_noisier_than_stated_are_no_mistake_and_count_as_noisy(h4_z, no
     x, rows = noisy
     fit = tp.calibrate(h4_z, rows)
     assert fit.causes.verdict == "unexplained"
-    assert "nearest: the sensors seem noisier than stated by a factor of about" in fit.notes[-1]
+    assert "nearest: the readings seem noisier than stated by a factor of about" in fit.notes[-1]
     assert (
         0.2
         < ratio2(fit, x)
@@ -278,7 +278,8 @@ def test_readings_noisier_than_stated_are_no_mistake_and_count_as_noisy(h4_z, no
 
 
 def test_a_misfit_that_no_cause_explains_enlarges_every_sigma(h4_z, noisy):
-    plain = tp.calibrate(h4_z, noisy[1], options=CalibrationOptions(cause="ignore"))
+    options = CalibrationOptions(cause="ignore", loss="squares")
+    plain = tp.calibrate(h4_z, noisy[1], options=options)
     fit = inflated(plain, "why")
     factor2 = plain.cost / (equations(plain) - 2)
     np.testing.assert_allclose(fit.covariance, factor2 * plain.covariance)

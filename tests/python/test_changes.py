@@ -178,6 +178,34 @@ def test_a_reading_with_more_noise_is_named_and_counts_less():
     assert (online.robot.reading_sigma < 2 * sigma).all()
 
 
+def test_counts_changes_and_noise_outlast_an_exchanged_sensor():
+    true, known = machine("theta", "elbow*")
+    rows = true.read(VISITED, seed=1)
+    noise = np.random.default_rng(1).standard_normal((100, 2))
+    rows[:, 5:7] += 6 * known.reading_sigma[5:7] * noise
+    online = observing(known, rows)
+    before, noisy = online.changes, online.robot.reading_sigma / known.reading_sigma
+    assert (noisy[5:7] > 2).all()
+    online.exchanged("elbow2")
+    noisy[6] = 1.0
+    assert online.robot.reading_sigma / known.reading_sigma == pytest.approx(noisy)
+    assert online.changes == before and online.lines + online.left_out == 100
+    online.observe(true.read(OTHERS[:20], seed=3))
+    assert online.lines + online.left_out == 120
+    for seed in range(4):
+        online.observe(true.read(VISITED, seed=4 + seed))  # elbow1 is mended
+    assert (online.robot.reading_sigma < 2 * known.reading_sigma).all()
+    assert all(change.row > 120 for change in online.changes[len(before) :])
+
+
+@pytest.mark.parametrize("name", ["h4", "five-bar", "3prs"])
+def test_noise_of_every_reading_is_scaled_by_its_factor(name):
+    robot = tp.load(name)
+    factors = 1.0 + np.arange(robot.m + robot.r)
+    noisy = knowledge.with_noise(robot, factors)
+    assert noisy.reading_sigma == pytest.approx(factors * knowledge.reading_sigma(robot))
+
+
 def test_an_exchanged_sensor_is_learned_anew_and_nothing_else():
     true, known = machine("theta")
     other = moved(true, {"theta.offset": 7e-4})
@@ -212,6 +240,19 @@ def test_the_changes_of_a_robot_are_those_of_its_parts_and_sensors(known):
     names = [change.name for change in changes(known)]
     assert {"warm-up", "payload", "wear", "chain4.arm", "z_telemeter.offset"} <= set(names)
     assert all(0 < change.odds < 1 for change in changes(known))
+
+
+def test_a_rod_of_a_described_robot_may_change():
+    names = [change.name for change in changes(tp.load("3prs"))]
+    lengths = [name for name in knowledge.uncertain(tp.load("3prs")) if name.endswith(".length")]
+    assert lengths and set(lengths) <= set(names)
+
+
+def test_a_robot_that_cannot_change_is_refused():
+    robot = tp.load("h4")
+    joints = {"chain*.base.*": robot.spec.tolerances["chain*.base.*"]}
+    with refused("nothing to follow"):
+        tp.OnlineCalibrator(robot.with_file(tolerances=joints, conditions=None), follow=True)
 
 
 def test_a_calibrator_that_cannot_follow_is_refused():

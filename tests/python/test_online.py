@@ -29,7 +29,8 @@ def apart(online, fit):
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
     _, q_e = lines
-    fit = tp.calibrate(h4, q_e, options=CalibrationOptions(level=level, model_error="off"))
+    squares = CalibrationOptions(level=level, model_error="off", loss="squares")
+    fit = tp.calibrate(h4, q_e, options=squares)
     online = tp.OnlineCalibrator(h4, level=level, model_error="off")
     online.observe(q_e)
     assert apart(online, fit) < 0.3
@@ -206,3 +207,14 @@ def test_a_line_without_numbers_is_refused_and_leaves_the_filter_as_it_was(h4, l
 def test_wrong_options_are_told(h4, options, words):
     with refused(words):
         tp.OnlineCalibrator(h4, **options)
+
+
+def test_a_replay_drops_what_was_recognized(h4, lines):
+    _, q_e = lines
+    online = tp.OnlineCalibrator(h4)
+    online.observe(q_e[:20])
+    online.exchanged("theta")
+    online.observe(q_e[20:40])
+    assert online.lines + online.left_out == 40
+    online.replay(q_e[:30], 1)
+    assert online.lines + online.left_out == 30

@@ -41,7 +41,7 @@ def errors(
     taught, usual = (plant.visit(robot, poses, SOFT(law="joint")) for poses in (learn, judge))
     readings = taught.q_e[taught.status == "ok"]
     try:
-        ignore = CalibrationOptions(cause="ignore")
+        ignore = CalibrationOptions(cause="ignore", loss="squares")
         believed = tp.calibrate(effects.allowed_for(robot), readings, options=ignore).robot
         x = plant.visit(believed, judge, SOFT(law="estimated")).x
     except PoseError:  # no calibration: every pose is left out

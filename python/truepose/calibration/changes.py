@@ -47,7 +47,7 @@ def changes(robot: Robot) -> list[Change]:
     def own(*ends: str) -> list[tuple[str, list[dict[str, float]]]]:
         return [(n, [{n: known[n].sigma}]) for n in names if n.endswith(ends)]
 
-    homed, sensors, bent = own(".encoder_offset"), own(".offset"), own(".rod", ".arm")
+    homed, sensors, bent = own(".encoder_offset"), own(".offset"), own(".rod", ".arm", ".length")
     for sensor in robot.sensors:
         steps = [{n: known[n].sigma} for n in names if n.startswith(f"{sensor}.")]
         if len(steps) > 1:  # more than its offset

@@ -110,10 +110,14 @@ class OnlineCalibrator:
         if follow and not robot.r:
             raise InputError(f"{robot.name}: no sensor in use; with_sensors(name) adds one")
         self._changes = changes(self._robot) if follow else []
+        if follow and not self._changes:
+            raise InputError(
+                f"{robot.name}: no part, motor or sensor has a tolerance, and [conditions] has "
+                "none: nothing to follow; follow=False identifies the parameters that have one"
+            )
         self._drift = self._walks(drift)
         self._gate = float(gate)
         self._told: list[Recognized] = []  # of filters before
-        self._passed = 0  # rows of these
         self._start(mean_of(robot))
 
     def _walks(self, drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None) -> Array:
@@ -196,8 +200,9 @@ class OnlineCalibrator:
         """Restart from the priors with all rows linearized about the current parameters.
 
         Early rows were linearized about a poor guess; after one or two replays the filter agrees
-        with :func:`truepose.calibrate`.
+        with :func:`truepose.calibrate`. Recognized changes and factors of noise are dropped.
         """
+        self._told = []
         rows, _ = flattened(self._robot, q_e, self._robot.m + self._robot.r, "q_e", "raise")
         for _ in range(times):
             about = np.array(self._filter.xi)
@@ -205,7 +210,7 @@ class OnlineCalibrator:
             self._filter.observe(rows, about)
 
     def exchanged(self, *sensors: str) -> None:
-        """Forget the mounting of sensors that were exchanged; it is learned anew.
+        """Identify the mounting of exchanged sensors anew; all else continues.
 
         Call it for a motor's encoder, too: "q1".
 
@@ -236,9 +241,14 @@ class OnlineCalibrator:
         root[at] = 0.0
         new = np.zeros((len(root), len(at)))
         new[at, range(len(at))] = [file[name].sigma for name in fresh]
-        self._told, self._passed = self.changes, self._passed + self.lines + self.left_out
+        self._told, before, noise = self.changes, self._filter.memory, self._noise
+        noise[[self._robot.readings.index(sensor) for sensor in sensors]] = 1.0
         xi[[column[name] for name in fresh]] = [file[name].mean for name in fresh]
         self._start(xi, knowledge.triangular(np.hstack([root, new])))
+        sigma, now = np.array(self._filter.sigma), list(self._filter.memory)
+        sigma[: len(noise)] *= noise
+        now[3:6] = *before[3:5], sigma.tobytes()
+        self._filter.resume(*now)
 
     @property
     def lines(self) -> int:
@@ -313,7 +323,7 @@ class OnlineCalibrator:
                 what = self._changes[which].name
             elif kind < 3:
                 what = f"{('fault', 'noise')[kind - 1]} of {self._robot.readings[which]}"
-            found.append(Recognized(self._passed + row + 1, what, log_odds, kind in (0, 2)))
+            found.append(Recognized(row + 1, what, log_odds, kind in (0, 2)))
         return found
 
     @property
@@ -343,20 +353,15 @@ class OnlineCalibrator:
         if more:
             root[p:, p:] = knowledge.root(self._robot, more)
         known = calibrated(self._robot, values, root, "online", error)
-        noise = np.array(self._filter.sigma)[: len(self._sigma)] / self._sigma
-        return known if (noise == 1).all() else with_noise(known, noise)
+        noise = self._noise
+        return known if (noise == 1).all() else knowledge.with_noise(known, noise)
+
+    @property
+    def _noise(self) -> Array:
+        """Factor of each reading's σ, as recognized."""
+        return np.array(self._filter.sigma)[: len(self._sigma)] / self._sigma
 
     def _values(self) -> dict[str, float]:
         column = dict(columns(self._robot.spec))
         xi = self._filter.xi
         return {name: float(xi[column[name]]) for name in self._names}
-
-
-def with_noise(robot: Robot, factors: Array) -> Robot:
-    """Return the robot with σ of its readings, noise and count together, by factors (n + r,)."""
-    sigma = factors * knowledge.reading_sigma(robot)
-    noise = np.sqrt(np.maximum(sigma**2 - robot.resolution**2 / 12, 0.0)).tolist()
-    sensors = dict(zip(robot.sensors, noise[robot.m :], strict=True))
-    chains = iter(noise[: robot.m])
-    noisy = robot.with_each("chain", lambda chain: {"encoder_noise": next(chains)})
-    return noisy.with_each("sensor", lambda s: {"noise": sensors.get(s.name, s.noise)})

@@ -61,7 +61,7 @@ class CalibrationOptions:
     Raises
     ------
     InputError
-        An unknown word, or a tuning that is not greater than 0.
+        An unknown word, a tuning that is not greater than 0, or one of squares.
 
     Examples
     --------
@@ -92,6 +92,8 @@ class CalibrationOptions:
                 raise InputError(choose(name, getattr(self, name), get_args(words)))
         if not (math.isfinite(self.tuned) and self.tuned > 0):
             raise InputError(f"tuning = {self.tuning}: must be a number greater than 0")
+        if self.tuning is not None and self.loss == "squares":
+            raise InputError("tuning: loss 'squares' has none; leave it out, or loss='student'")
         registration_of(self.registration)
 
     @property

@@ -83,7 +83,9 @@ def assess(
     out = np.arange(len(log.lines)) % FOLD == FOLD - 1
     if out.any():
         try:
-            options = replace(case.options, loss=fit.loss)
+            options = case.options
+            if fit.loss != options.loss:
+                options = replace(options, loss=fit.loss, tuning=None)
             rest = replace(case, options=options).under(of).only(np.flatnonzero(~out))
             part, _ = as_read(fit_to(replace(rest, differences=between.of(robot, rest.log))), of)
             held_out[out] = expected(part.robot, log.only(out), part.registration).residual

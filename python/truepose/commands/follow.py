@@ -1,7 +1,10 @@
 """`truepose follow`: online calibration of a machine at work, on a live stream of readings."""
 
+import contextlib
 import csv
+import io
 import math
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -18,19 +21,21 @@ from truepose.exceptions import InputError, one_line
 from truepose.robot import Robot, knowledge
 from truepose.show.terminal import say
 
-#: s without a new row after which a line says so; pause before a file is read again, s.
+#: s without a new row after which a line is printed; pause before a file is read again, s.
 SILENT, PAUSE = 10.0, 0.2
 #: σ by which a reading must have moved since the last row that counted, as in a controller.
 FRESH = 30.0
-#: Rows in a row without a movement after which a line says so; rows between written files.
+#: Rows in a row without a movement after which a line is printed; rows between written files.
 RESTING, EVERY = 200, 50
+#: Rows in a row, each later than the one before, after which an earlier clock is a new one.
+CLOCK = 5
 
 
 def command(
     robot: options.RobotName,
     source: str = Argument(
         help="CSV that grows, or - for standard input: columns q1 … qn, each sensor's name; SI. "
-        "Optional: time, s; health, 0 where a fault monitor trusts all readings.",
+        "Optional: time, s; health, 0 where a fault monitor finds all readings healthy.",
         show_default=False,
     ),
     out: options.CalibratedFile = None,
@@ -41,25 +46,28 @@ def command(
         show_default=False,
     ),
     end_after: float | None = Option(
-        None, min=0.0, help="End after so many seconds without a row.", show_default="never"
+        None,
+        min=0.0,
+        help="End after so many seconds without a row in the file.",
+        show_default="never",
     ),
     force: options.Force = False,
 ) -> None:
     """Follow a calibrated machine at work: warm-up, wear, a payload, a part that changed.
 
-    Writes the geometry every 50 rows, and prints each change that the readings show. After a
-    restart, the written file is the robot to go on with.
+    Writes the geometry every 50 rows, and prints each change that the readings show. To restart,
+    give the written file as the robot, also for -o, and --force. A file is read from its beginning:
+    restart with new rows alone.
 
     Example: **truepose follow calibrated.toml readings.csv -o followed.toml**
     """
     path = None if source == "-" else Path(source)
-    write = options.writer((robot, path), force, robot=out)
+    if path is None and end_after is not None:
+        raise InputError("--end-after: standard input ends by itself; it is for a file that grows")
+    options.writer((path,), force, robot=out)  # checks -o, which may be the robot itself
     made = options.load_with(robot, sensors)
     online = OnlineCalibrator(made, follow=True)
-    told = 0
-    last = online.robot
-    write(robot=lambda: options.file_text(last))
-    stopped = None
+    told, stopped = 0, None
     for k, row in enumerate(_rows(made, path, columns, end_after), 1):
         online.observe(row, "nan")
         news = online.changes
@@ -71,12 +79,15 @@ def command(
             say("truepose: readings agree again")
         due = k % EVERY == 0 or len(news) > told
         told, stopped = len(news), online.stopped
-        if due and stopped is None:
-            last = online.robot
-            if out is not None:
-                files.replace_file(out, options.file_text(last), "calibrated robot file", True)
+        if due:
+            _write(online, out)
     say(f"truepose: the stream ended: {online.lines} rows used, {online.left_out} left out")
-    if out is not None and online.stopped is None:
+    _write(online, out)
+
+
+def _write(online: OnlineCalibrator, out: Path | None) -> None:
+    """Write the geometry, if rows were used and it is good."""
+    if out is not None and online.lines and online.stopped is None:
         files.replace_file(out, options.file_text(online.robot), "calibrated robot file", True)
 
 
@@ -98,13 +109,14 @@ class _Told:
 def _rows(
     robot: Robot, path: Path | None, columns: str | None, end_after: float | None
 ) -> Iterator[Array]:
-    """Yield the rows of readings that say something new."""
+    """Yield the rows of readings that differ from the last one used."""
     wanted = [*robot.readings]
     sigma = FRESH * knowledge.reading_sigma(robot)
     where, wrong = path or "standard input", _Told()
     names = head = _cells(columns or "", bare=True)
     _require(wanted if head else [], head, "--columns")
-    before, latest, resting = np.full(len(wanted), np.inf), -math.inf, 0
+    before, resting = np.full(len(wanted), np.inf), 0
+    latest, previous, late = -math.inf, math.nan, 0
     for number, line in _lines(path, end_after):
         if number == 0:  # the source has begun, perhaps again
             names, latest = head, -math.inf
@@ -123,14 +135,20 @@ def _rows(
         except (KeyError, ValueError):
             wrong("a row is no row of numbers", f": '{one_line(line.strip(), 60)}'")
             continue
+        timed = "time" in names
+        late = 0 if not timed or now > latest else late + 1 if now > previous else 1
+        previous = now
+        if late == CLOCK:
+            say(f"truepose: the clock starts again: time {now:g} after {latest:g}", err=True)
+            late = 0
         if not np.isfinite(row).all():
             wrong("a reading is no number", f": '{one_line(line.strip(), 60)}'")
         elif health:
-            wrong("the fault monitor doubts a reading")
-        elif "time" in names and not now > latest:
+            wrong("the fault monitor finds a reading suspect or faulty")
+        elif late:
             wrong("rows out of order", f": time {now:g} after {latest:g}")
         else:
-            latest = now if "time" in names else latest
+            latest = now if timed else latest
             wrong.right()
             if (np.abs(row - before) > sigma).any():
                 before, resting = row, 0
@@ -138,7 +156,7 @@ def _rows(
                 continue
             resting += 1
             if resting == RESTING:
-                say(f"truepose: {RESTING} rows without a movement: they say nothing new", err=True)
+                say(f"truepose: {RESTING} rows without a movement: left out", err=True)
 
 
 def _require(wanted: list[str], names: list[str], where: object) -> None:
@@ -151,23 +169,30 @@ def _cells(line: str, bare: bool) -> list[str]:
     """Return the cells of a line of CSV or, if it is `bare`, between commas or spaces."""
     if bare:
         return line.replace(",", " ").split()
-    return [cell.strip() for cell in next(csv.reader([line]), [])]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line.strip()]), [])]
+    except csv.Error:
+        return []
 
 
 def _lines(path: Path | None, end_after: float | None) -> Iterator[tuple[int, str]]:
     """Yield the complete lines of a stream, numbered; a file that restarts begins at 0 again."""
     if path is None:
+        if isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(encoding="utf-8-sig", errors="replace")
         yield from enumerate(sys.stdin)
         return
     number, position, since, said = 0, 0, time.monotonic(), False
     if not path.exists():
         raise InputError(f"{path}: no such file")
     while True:
-        size = path.stat().st_size if path.exists() else position
-        if size < position:
-            say(f"truepose: {path} starts again", err=True)
-            number = position = 0
-        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        with (
+            contextlib.suppress(FileNotFoundError),  # until the next file has this name
+            path.open(encoding="utf-8-sig", errors="replace", newline="\n") as file,
+        ):
+            if os.fstat(file.fileno()).st_size < position:
+                say(f"truepose: {path} starts again", err=True)
+                number = position = 0
             file.seek(position)
             while (line := file.readline()).endswith("\n"):
                 position, since, said = file.tell(), time.monotonic(), False

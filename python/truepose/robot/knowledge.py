@@ -95,6 +95,17 @@ def reading_sigma(robot: Kinematics) -> Array:
     return np.where(sigma > 0, sigma, EXACT)
 
 
+def with_noise(robot: AnyRobot, factors: Array | float) -> AnyRobot:
+    """Return the robot with σ of its readings, noise and count together, by factors (n + r,)."""
+    others2 = robot.reading_sigma**2 - robot.noise**2
+    noise2 = (factors * reading_sigma(robot)) ** 2 - others2
+    noise = np.sqrt(np.maximum(noise2, 0.0)).tolist()
+    motors, sensors = iter(noise), dict(zip(robot.sensors, noise[robot.m :], strict=True))
+    return robot.with_each(
+        "chain" if robot.spec.chain else "motor", lambda _: {"encoder_noise": next(motors)}
+    ).with_each("sensor", lambda of: {"noise": sensors.get(of.name, of.noise)})
+
+
 #: Name endings of the parameters whose errors only the full level models completely.
 LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
 

@@ -80,7 +80,8 @@ def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -
     The poses are those of :func:`truepose_paper.article.offset`. Use one `seed` per robot.
     """
     readings = truth.read(steady_state(robot, truth, article.offset(visited, seed), "joint"))
-    return calibrate(robot, readings, options=CalibrationOptions(cause="ignore")).robot
+    options = CalibrationOptions(cause="ignore", loss="squares")
+    return calibrate(robot, readings, options=options).robot
 
 
 def rest(

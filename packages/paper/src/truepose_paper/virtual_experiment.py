@@ -109,7 +109,9 @@ def run(
     def learnt() -> Robot:
         taught = visit(robot, article.offset(poses, seed), "joint")
         return calibrate(
-            robot, taught.q_e[taught.status == "ok"], options=CalibrationOptions(cause="ignore")
+            robot,
+            taught.q_e[taught.status == "ok"],
+            options=CalibrationOptions(cause="ignore", loss="squares"),
         ).robot
 
     result: dict[Control, Run] = {}

@@ -98,15 +98,11 @@ def noise(case: Case) -> Iterator[Hypothesis]:
     robot, n = case.robot, case.robot.m
     if not (factor := _factor(case, 0)):
         return
-    sigma = (factor * knowledge.reading_sigma(robot)).tolist()
-    motors, used = iter(sigma[:n]), dict(zip(robot.sensors, sigma[n:], strict=True))
     read = np.isfinite(case.log.readings[:, n:]).sum() + (n - robot.n) * len(case.log.readings)
     yield Hypothesis(
-        text=f"the sensors seem noisier than stated by a factor of about {factor:g}",
+        text=f"the readings seem noisier than stated by a factor of about {factor:g}",
         log=case.log,
-        robot=robot.with_each(
-            "chain" if robot.spec.chain else "motor", lambda _: {"encoder_noise": next(motors)}
-        ).with_each("sensor", lambda of: {"noise": used.get(of.name, of.noise)}),
+        robot=knowledge.with_noise(robot, factor),
         log_odds=LN_RATE - math.log(len(FACTORS)),
         density=-float(read) * math.log(factor),
     )
