@@ -160,10 +160,10 @@ def explained(
 ) -> tuple[Calibration, Hypothesis]:
     """Calibrate by a checked log, after a search for what is wrong with it.
 
-    `refused` are a check's reasons against a fit: notes where readings, tolerances and noise agree.
-    The hypothesis is that under which the robot is calibrated; :func:`as_read` returns the machine
-    as it reads. Raises InputError for a decisive cause that is not applied, for undecided ones, and
-    for `refused` without a cause.
+    `refused` are a check's reasons against a fit; poses outside the workspace are a note where
+    readings, tolerances and noise agree. The hypothesis is that under which the robot is
+    calibrated; :func:`as_read` returns the machine as it reads. Raises InputError for a decisive
+    cause that is not applied, for undecided ones, and for `refused` without a cause.
     """
     log, cause, none = case.log, case.options.cause, case.nothing()
     leaning_of(case.robot, log, case.options.lean)  # a wrong lean is not searched for
@@ -187,7 +187,8 @@ def explained(
     if causes.verdict in ("decisive", "undecided"):
         undo = "; cause='apply' undoes it" * (causes.verdict == "decisive")
         raise InputError(f"readings: {causes.text}{undo}")
-    if refused and (base is None or not (equations(base) and consistent(base, REJECTED))):
+    agree = base is not None and equations(base) > 0 and consistent(base, REJECTED)
+    if refused and not (agree and all(log_checks.OUTSIDE in text for text in refused)):
         raise InputError(f"readings: {'; '.join(refused)}")
     direct = squares or (robust is None and causes.verdict == "none" and not gross)
     fit, of = unexplained(case, Search(causes, found, base), direct)

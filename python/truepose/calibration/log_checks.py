@@ -25,6 +25,10 @@ FEW, NEAR = 80, 3.0
 VARIES = 8.0
 
 
+#: Refusal of a log that a robot of the stated tolerances may give nevertheless.
+OUTSIDE = "of the lines lie near the robot's workspace"
+
+
 class Finding(NamedTuple):
     """One finding in a log, as a line of text."""
 
@@ -146,7 +150,7 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
         return [Finding(text, refused=True) for text in texts]
     if near >= 0.5:
         return []
-    share = f"only {100 * near:.0f} % of the lines lie near the robot's workspace"
+    share = f"only {100 * near:.0f} % {OUTSIDE}"
     none = "the motors' readings fit this robot on no line"
     order = ": units, signs, offsets and the order of the motors' columns?"
     text = "; ".join([(share if near else none) + order, *_beyond(robot, q)])

@@ -168,7 +168,7 @@ def _read(
         where, table = log, logs.read(robot, log, columns, fit.euler)
     elif known_pose is not None and known is not None:
         where, table, known = known_pose, known, None
-        fit = replace(fit, registration="known")
+        fit = replace(fit, registration="known", loss="squares")
     else:
         raise InputError("LOG: none; give a log of readings, --known-pose, or both")
     logs.orientation.require_used(fit.euler, *(each.form for each in (table, known) if each))

@@ -94,11 +94,15 @@ def tolerances(case: Case) -> Iterator[Hypothesis]:
 
 
 def noise(case: Case) -> Iterator[Hypothesis]:
-    """All readings noisier than stated, by one factor; so that no other cause has to explain it."""
+    """All readings noisier than stated, by one factor; so that no other cause has to explain it.
+
+    Not of motors alone: their noise shows in redundant readings.
+    """
     robot, n = case.robot, case.robot.m
-    if not (factor := _factor(case, 0)):
-        return
     read = np.isfinite(case.log.readings[:, n:]).sum() + (n - robot.n) * len(case.log.readings)
+    factor = _factor(case, 0) if read else 0.0
+    if not factor:
+        return
     yield Hypothesis(
         text=f"the readings seem noisier than stated by a factor of about {factor:g}",
         log=case.log,
