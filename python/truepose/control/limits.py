@@ -309,7 +309,7 @@ def not_started(robot: Robot, cause: int) -> PoseError:
 
 
 def stop_text(
-    time: Array, brakes: Array, cause: Array, motor: Array, by: str = "safety shell"
+    time: Array, brakes: Array, cause: Array, motor: Array, *, by: str = "safety shell"
 ) -> str:
     """Return when, why and how a limit stopped a run; "" if none did."""
     rows = np.flatnonzero(cause > 0)

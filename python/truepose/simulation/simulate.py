@@ -153,7 +153,7 @@ class Simulation(Shown):
         if self.ended:
             return self.ended
         by = "safety shell" if (self.safety_state >= 0).any() else "limits"
-        if said := stop_text(self.time, self.brakes, self.stop_cause, self.stop_motor, by):
+        if said := stop_text(self.time, self.brakes, self.stop_cause, self.stop_motor, by=by):
             return said
         if said := failures(self.robot, self.time, self.health, self.symptom, self.stops):
             return said
