@@ -114,12 +114,20 @@ Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, 
                  : outcome;
 }
 
-/// x̂ of a law of the pose. @param on  as of `find`
-Outcome found_pose(const Robot& robot, Law law, const Weighing& weighing,
-                   const Reference& reference, const Extended& q_e, Ongoing& on, Pose& found) {
+/// x̂ of a law of the pose; not inlined: its stack is none of the other laws'. @param on  as of
+/// `find`
+[[gnu::noinline]] Outcome found_pose(const Robot& robot, Law law, const Weighing& weighing,
+                                     const Reference& reference, const Extended& q_e, Ongoing& on,
+                                     Pose& found) {
   if (law == Law::cartesian)
     return redundant_fkm(robot, q_e, reference.closure.pose, reference.rest, on, found);
   return find(robot, weighing, reference, q_e, on, found);
+}
+
+/// M⁺ of the reference; not inlined: M leaves the stack with it.
+[[gnu::noinline]] void tej_at(const Robot& robot, Reference& reference) {
+  ExtendedColumns M;
+  tej(robot, reference.jacobians, reference.jr, M, reference.tej);
 }
 }  // namespace
 
@@ -157,8 +165,7 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
   if (law == Law::weighted)
     outcome = weigh(robot, weighing, reference);
   else if (of.corrects == Corrects::readings) {
-    ExtendedColumns M;
-    tej(robot, reference.jacobians, reference.jr, M, reference.tej);
+    tej_at(robot, reference);
   }
   return outcome ? regular : outcome;
 }
