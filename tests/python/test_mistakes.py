@@ -57,6 +57,18 @@ MISTAKES = {
         lambda: H4.ikm(X, errors="ignore"),
         r"unknown errors 'ignore' \(choices: raise, nan",
     ),
+    "an assigned parameter": (
+        lambda: H4.parameters.__setitem__("chain1.rod", 0.5),
+        r"does not change a robot; robot\.replace",
+    ),
+    "effects without an object": (
+        lambda: tp.Effects.only("thermal"),
+        r"Effects\(\)\.only\('thermal'\)",
+    ),
+    "a law of its own name": (
+        lambda: tp.simulate(H4, H4, law="tej"),
+        "controller='tej'",
+    ),
     "a level": (lambda: H4.with_level("fulll"), "did you mean 'full'"),
     "an unknown sensor": (lambda: H4.with_sensors("thetta"), "did you mean 'theta'"),
     "a sensor twice": (lambda: H4.with_sensors("theta", "theta"), "named twice"),

@@ -72,16 +72,34 @@ def test_the_kept_truth_is_the_robot_that_wrote_the_log(run, tmp_path):
 
 
 def test_what_it_misses_is_what_its_covariance_says():
-    """Over robots the squared errors are χ² of as many freedoms as there are parameters."""
+    """Over robots the squared errors are χ² of as many freedoms as there are parameters.
+
+    Errors of the pose are as large as predicted, and as many robots err more than before.
+    """
     h4 = tp.load("h4")
-    nees, count = [], 0
+    nees, count, whose = [], 0, ("nominal, by the motors", "calibrated, by the motors")
+    ratios, worse = [], []
     for seed in range(12):
         truth = drawn(h4, seed)
         fit = calibrate(h4, simulate_log(h4, truth, 50, seed).q_e)
         result = missed(h4, truth, fit.robot, poses=20)
         nees.append(result.nees)
         count = len(result.names)
+        size = [np.sqrt(np.nanmean(result.pose[who][:, 0] ** 2)) for who in whose]
+        ratios.append(np.square(size) / [result.predicted[who][0] ** 2 for who in whose])
+        worse.append((size[1] > size[0]) - result.worse)
     assert np.mean(nees) == pytest.approx(count, abs=3.29 * np.sqrt(2 * count / len(nees)))
+    off = np.mean(ratios, axis=0) - 1
+    assert (np.abs(off) < 3.29 * np.std(ratios, axis=0) / np.sqrt(len(ratios))).all()
+    assert abs(np.sum(worse)) < 3
+
+
+def test_a_calibration_with_which_no_pose_is_reached_is_told(h4):
+    truth = drawn(h4, 1)
+    found = calibrate(h4, simulate_log(h4, truth, 50).q_e).robot
+    broken = found.replace({f"chain{k}.encoder_offset": np.pi / 2 for k in (1, 2, 3, 4)})
+    with refused(r"^h4, calibrated, by the motors: the true robot reaches none of 20 poses"):
+        missed(h4, truth, broken, poses=20)
 
 
 def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):

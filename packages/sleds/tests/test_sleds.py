@@ -431,10 +431,9 @@ def test_a_serial_log_and_a_table_are_the_same_sled(tmp_path):
 
 BAD = {
     "cut off": (lambda text: text[:-200], "is the log cut off?"),
-    "cut off between": (lambda text: text[: text.rindex("{")], "cut off after row 47"),
+    "cut off between": (lambda text: text[: text.rindex("{")], "ends after row 47"),
     "html": (lambda text: text.replace("},", "},<script>", 1), "after row 1: '<script>'"),
-    "word": (lambda text: text.replace("bl:", "bl:x", 1), "bl = 'x"),
-    "no tl": (lambda text: text.replace("tl:", "t:", 1), "must be {bl:…"),
+    "most of it damaged": (lambda text: text.replace("bl:", "bl:x", 37), "11 whole poses"),
     "nothing": (lambda text: YAML, "no belt lengths"),
     "settings": (lambda text: text + "\n$/Maslow_tlX=-\x1b[2J", "tlX = '-"),
 }
@@ -449,6 +448,21 @@ def test_a_broken_log_is_refused_in_one_line(run, tmp_path, case):
     assert (status, out) == (2, "") and message in err and err.count("\n") == 1, err
     assert err[:-1].isprintable() and not (tmp_path / "lines.txt").exists()
     assert (tmp_path / "log.txt").read_text(encoding="utf-8") == text
+
+
+def test_damaged_measurements_are_left_out_unless_they_come_again_whole(tmp_path):
+    read = sled(2)[0]
+    text = clbm(read)
+    for lost, kept in (("bl:", "bl:x"), ("tl:", "tl")):
+        text = text.replace(lost, kept, 1)
+    (tmp_path / "log.txt").write_text(text.replace("},{", ",{", 3), encoding="utf-8")
+    found = to_read.read([tmp_path / "log.txt"])
+    damaged = [k for k in range(1, 49) if k not in found.lines]
+    assert damaged == [1, 2, 3] and "rows 1, 2, 3" in found.notes[0]
+    assert np.allclose(found.lengths, np.round(read[3:], 5), atol=1e-5)
+    (tmp_path / "log.txt").write_text(f"{text}\n{clbm(read)}", encoding="utf-8")
+    found = to_read.read([tmp_path / "log.txt"])
+    assert len(found.lines) == 48 and not found.notes
 
 
 def test_any_four_anchors_and_a_missing_extension_are_found():

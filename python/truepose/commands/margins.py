@@ -108,7 +108,7 @@ def chosen(found: list[StabilityMargins]) -> Table:
         }
         for unit in dict.fromkeys(units.tolist()):
             cycle = PRINT[unit][0] * each.limit_cycle[:, units == unit].max()
-            row[f"limit cycle, ({PRINT[unit][1]})"] = float(cycle)
+            row[f"limit cycle ({PRINT[unit][1]})"] = float(cycle)
         rows.append(row)
     return tabled("gains", "Gains", rows)
 

@@ -13,8 +13,8 @@ from truepose.arguments import finite_rows
 from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
-from truepose.robot import Robot, in_print, load
-from truepose.show import Cell, Table, fixed, number
+from truepose.robot import Robot, in_print, load, summed
+from truepose.show import Cell, Table, fixed, tabled
 from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
@@ -64,11 +64,15 @@ def simulate_log_command(
     if found is not None:
         drawn = load(robot)
         result = missed(drawn, load(kept), load(found), seed)
-        nees = (
-            f"Squared error of all {len(result.names)} by the stated covariance: "
-            "{:.1f}; if that is correct, {:.0f} to {:.0f} in 95 % of calibrations."
+        low, high = result.nees_range
+        said = (
+            f"One robot of many: of such robots {result.worse:.0%} err more by their motors after "
+            "this calibration than before.",
+            f"Squared error of all {len(result.names)} parameters by the stated covariance: "
+            f"{result.nees:.1f}; if that is correct, {low:.0f} to {high:.0f} in 95 % of "
+            "calibrations.",
         )
-        show(_compared(drawn, result), how, [nees.format(result.nees, *result.nees_range)])
+        show([_poses(drawn, result), _parameters(drawn, result)], how, said)
         return
     drawn, read = options.load_with(robot, sensors), options.paths([robot])
     outputs = [logs.writing.check(out, read, force), Output(kept, "true robot", "--truth")]
@@ -84,15 +88,17 @@ def simulate_log_command(
     text = f"# {mark('true robot')}, sampled with seed {seed}\n{options.file_text(ran.truth)}"
     log = logs.writing.encoded(out, _columns(ran))
     files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
-    options.wrote(how, out, kept)
     calibrated, names = out.with_suffix(".calibrated.toml"), drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
     where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
+    if how is not Format.table:
+        show([], how)  # what it writes is in files
+    options.wrote(how, out, kept)
     for when, *words in (
         ("Next", "calibrate", robot, out, *chosen, "-o", calibrated),
         ("Then", "simulate-log", robot, *where, "--found", calibrated),
     ):
-        say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
+        say(f"{when}: {shlex.join(['truepose', *map(str, words)])}", how)
 
 
 def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
@@ -108,16 +114,31 @@ def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
     ]
 
 
-def _compared(robot: Robot, result: Missed) -> list[Table]:
-    """Return tables of the pose errors and of each parameter's error."""
-    rows = []
+def _poses(robot: Robot, result: Missed) -> Table:
+    """Return a table of the pose errors beside their σ, columns of zeros left out."""
+    rows, total = [], summed(robot)
+    other = ("σ (°)",) if total.unit == "m" else ("σ relative (mm)", "σ (mm)")
     for who, apart in result.pose.items():
         shown = apart[finite_rows(apart)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
-        rows.append([who, *map(number, (position, shown[:, 0].max(), zeroed, turn))])
-    header = ["robot", "position rms (mm)", "largest (mm)", "relative to home (mm)"]
+        sigma, relative = (total.factor * value for value in result.predicted[who])
+        row = {
+            "relative to home (mm)": zeroed,
+            "σ relative (mm)": relative,
+            "position rms (mm)": position,
+            "σ (mm)": sigma,
+            "largest (mm)": shown[:, 0].max(),
+            "rotation rms (°)": turn,
+            "σ (°)": sigma,
+        }
+        rows.append({"robot": who} | row)
+    some = [name for name in rows[0] if name not in other and any(row[name] for row in rows)]
     title = "Pose error of the true robot (reached − commanded)"
-    pose = Table("pose", title, [*header, "rotation rms (°)"], rows)
+    return tabled("pose", title, [{name: row[name] for name in some} for row in rows])
+
+
+def _parameters(robot: Robot, result: Missed) -> Table:
+    """Return a table of each parameter's error."""
     rows, columns = [], (result.before, result.after, result.sigma)
     for name, *values in zip(result.names, *columns, strict=True):
         factor, unit = in_print(robot, name)
@@ -125,7 +146,7 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
         cells = [Cell(f"{factor * v:.4f}", float(v)) for v in values]
         rows.append([label, *cells, fixed(values[1] / values[2])])
     header = ["parameter", "nominal", "calibrated", "σ", "calibrated / σ"]
-    return [pose, Table("parameters", "Parameter errors (value − true value)", header, rows)]
+    return Table("parameters", "Parameter errors (value − true value)", header, rows)
 
 
 #: Notes on the results of the built-in functions.

@@ -119,8 +119,10 @@ def notes(found: PosePlan) -> list[str]:
     gone = f", {found.left_out} unreachable ones left out" if found.left_out else ""
     low, median, high = np.quantile(found.random, [0, 0.5, 1])
     spread = f"{number(total.factor * low)} to {number(total.factor * high)}"
+    sigma = found.sigma[-1, -1]
     lines = [
-        f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses.",
+        f"{name}: {count} of {found.candidates} poses{gone}: "
+        f"{measured(sigma, total.unit)}; σ over {len(found.over)} poses.",
         f"Random {count} of them: {measured(median, total.unit)} ({spread}); "
         f"all {found.candidates}: {measured(found.everything, total.unit)}.",
     ]
@@ -130,7 +132,9 @@ def notes(found: PosePlan) -> list[str]:
     if more:
         lines.append(f"{more} poses more: {measured(longer, total.unit)}.")
     if found.gain > HARDLY:
-        lines.append("The choice of poses hardly matters here; their number does.")
+        matters = (longer if more else found.everything) < HARDLY * sigma
+        of_number = "; their number does" if matters else ", nor does their number"
+        lines.append(f"The choice of poses hardly matters here{of_number}.")
     if found.target is not None:
         reached = f"reached with {found.needed}" if found.needed else f"not reached with {count}"
         lines.append(f"Target {wanted}: {reached}.")

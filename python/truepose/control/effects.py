@@ -83,6 +83,8 @@ class Effects:
 
     def without(self, *groups: str) -> Effects:
         """Return a copy with these groups switched off."""
+        if not isinstance(self, Effects):
+            raise InputError(f"Effects: of an object alone: Effects().only({self!r})")
         for group in groups:
             if group not in self.groups():
                 raise InputError(choose("effect", group, self.groups()))
@@ -91,7 +93,7 @@ class Effects:
 
     def only(self, *groups: str) -> Effects:
         """Return a copy with all other groups switched off."""
-        self.without(*groups)  # refuses unknown ones
+        Effects.without(self, *groups)  # refuses unknown ones
         return self.without(*(group for group in self.groups() if group not in groups))
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:

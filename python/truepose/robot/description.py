@@ -1,5 +1,7 @@
 """A robot's description: its file, parameter values, and what follows without a pose."""
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -30,6 +32,19 @@ class Parameter(NamedTuple):
     value: float  #: in this robot, m or rad
     mean: float  #: prior mean
     sigma: float  #: prior standard deviation
+
+
+class Parameters(dict[str, Parameter]):
+    """Parameters by name; assignments are refused, as they would not change the robot."""
+
+    def __setitem__(self, name: str, value: object) -> None:
+        raise InputError(
+            f"parameters[{name!r}] = {value!r}: does not change a robot; "
+            f"robot.replace({{{name!r}: value}}) returns one with this value"
+        )
+
+    def __reduce__(self) -> tuple[type[Parameters], tuple[dict[str, Parameter]]]:
+        return Parameters, (dict(self),)
 
 
 #: Attributes that do not depend on the parameters' values.
@@ -248,7 +263,7 @@ class Description:
         return np.array([chain.torque_limit or np.inf for chain in self.spec.chain])
 
     @property
-    def parameters(self) -> dict[str, Parameter]:
+    def parameters(self) -> Parameters:
         """Every geometric parameter ξ: value, prior mean, σ (m, rad).
 
         Examples
@@ -258,7 +273,7 @@ class Description:
         >>> rod.value, round(rod.mean, 4), round(rod.sigma, 5)
         (0.48, 0.4835, 0.00375)
         """
-        return dict(self._parameters)
+        return Parameters(self._parameters)
 
     @functools.cached_property
     def _parameters(self) -> dict[str, Parameter]:

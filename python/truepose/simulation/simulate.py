@@ -192,7 +192,7 @@ class Simulation(Shown):
         ]
 
 
-@grouped(Run, "run", law="Controller(law=f): f(robot, x_d, q_e) returns the motor error")
+@grouped(Run, "run", law="controller='tej', or Controller(law=f) with f(robot, x_d, q_e)")
 def simulate(
     robot: Robot,
     truth: Robot | None = None,

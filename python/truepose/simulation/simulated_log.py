@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array, finite_rows, sigmas_of
+from truepose.calibration.bound import accuracy
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import ANGLE_SIGMA
 from truepose.control.controller import Controller
@@ -17,6 +18,7 @@ from truepose.robot import (
     knowledge,
     rotation,
     rotation_vector,
+    summed,
     workspace_samples,
 )
 from truepose.robot.frames import frames
@@ -26,6 +28,7 @@ from truepose.simulation.plants.exact import ExactPlant
 TRACKER = 20e-6
 #: σ of the tracker's position, m, and of the marker's offset, m: assumed.
 STANDS, SITS = 2.0, 5e-3
+SAMPLES = 1000  #: robots, for the share that a calibration makes worse
 _DRAWN = 10  # poses sampled per requested one
 
 
@@ -110,6 +113,9 @@ class Missed:
     sigma: Array  #: (p,) σ stated by the calibration
     nees: float  #: squared error of them all in the metric of the stated covariance; p on average
     pose: dict[str, Array]  #: pose errors, see `missed`
+    predicted: dict[str, tuple[float, float]]
+    #: σ of the position, rms over the poses, and relative to home, by the stated covariances; m
+    worse: float  #: share of such robots whose motors lead to larger errors when calibrated
 
     @property
     def nees_range(self) -> tuple[float, float]:
@@ -147,8 +153,47 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
         "calibrated, by the motors": _led(found, truth, x_d, "joint"),
         "calibrated, by all readings": _led(found, truth, x_d, "estimated" if found.r else "joint"),
     }
+    for who, off in pose.items():
+        if not finite_rows(off).any():
+            raise InputError(f"{robot.name}, {who}: the true robot reaches none of {poses} poses")
     sigma = sigmas_of(root @ root.T)
-    return Missed(names, drawn - true, after - true, sigma, nees, pose)
+    models = (robot.with_sensors(), found.with_sensors(), found)
+    return Missed(
+        names,
+        drawn - true,
+        after - true,
+        sigma,
+        nees,
+        pose,
+        {
+            who: _predicted(model, x_d[1:], robot.home)
+            for who, model in zip(pose, models, strict=True)
+        },
+        _worse(models[1], names, knowledge.root(robot, names), root, x_d),
+    )
+
+
+def _predicted(model: Robot, x: Array, home: Array) -> tuple[float, float]:
+    """Return σ of the position, rms over the poses, and of its difference from that at home."""
+    relative = accuracy(model, x, errors="nan", relative_to=home)
+    return accuracy(model, x, errors="nan").rms, relative.rms
+
+
+def _worse(model: Robot, names: list[str], before: Array, after: Array, x: Array) -> float:
+    """Return the share of robots that err more by their motors after a calibration than before.
+
+    To first order, from roots of both covariances: what a calibration finds of ξ and what it leaves
+    are independent.
+    """
+    H_x, H = knowledge.linearized(model, x, names, "nan")
+    E = np.linalg.pinv(H_x[finite_rows(H_x)]) @ H[finite_rows(H_x)]
+    E = E[:, summed(model).columns].reshape(-1, len(names))
+    values, vectors = np.linalg.eigh(before @ before.T - after @ after.T)
+    random = np.random.default_rng(0)
+    left = random.normal(size=(SAMPLES, len(names))) @ after.T
+    known = random.normal(size=left.shape) @ (vectors * np.sqrt(np.maximum(values, 0))).T
+    error = [np.square(parts @ E.T).sum(axis=1) for parts in (known + left, left)]
+    return float(np.mean(error[1] > error[0]))
 
 
 def _led(believed: Robot, truth: Robot, x_d: Array, law: Law) -> Array:

@@ -76,7 +76,8 @@ def read(paths: Sequence[Path]) -> Readings:
         if arrays:
             rows, said = merged(arrays)
             notes += [f"{path}: {line}" for line in said]
-            lengths, lines = np.array(rows).reshape(-1, 4), np.arange(1, len(rows) + 1)
+            whole = {k: row for k, row in enumerate(rows, 1) if row is not None}
+            lengths, lines = np.reshape([*whole.values()], (-1, 4)), np.array([*whole])
         else:
             lengths, lines = logs.reading.table(path, BELTS)
         word, source = "row" if arrays else "line", path
@@ -91,7 +92,7 @@ def read(paths: Sequence[Path]) -> Readings:
         notes.append(f"{source}: {word}s that repeat another digit for digit count once: {shown}")
     kept = np.sort(first)
     if len(kept) < FEWEST:
-        raise InputError(f"{source}: {len(kept)} poses: must be {FEWEST} or more")
+        raise InputError(f"{source}: {len(kept)} whole poses: must be {FEWEST} or more")
     return Readings(1e-3 * lengths[kept], lines[kept], word, source, settings, prefix, notes)
 
 
@@ -116,9 +117,9 @@ def _number(text: str, name: str, where: Callable[[], str]) -> float:
     return value
 
 
-def _arrays(path: Path, text: str) -> Iterator[list[Row]]:
-    """Yield the measurements of each CLBM array, or of a text without one."""
-    inside, loose, rows, last = False, list[Row](), list[Row](), 0
+def _arrays(path: Path, text: str) -> Iterator[list[Row | None]]:
+    """Yield the measurements of each CLBM array, or of a text without one; None: damaged."""
+    inside, loose, rows, last = False, list[Row | None](), list[Row | None](), 0
     for token in _TOKEN.finditer(text):
         where = partial(_at, path, text, token)
         between = text[last : token.start()].strip(" \t\r\n,")
@@ -135,46 +136,47 @@ def _arrays(path: Path, text: str) -> Iterator[list[Row]]:
                 yield rows
             inside = False
         else:
-            row = _row(token[0], where, inside)
-            if row is not None:
-                (rows if inside else loose).append(row)
+            (rows if inside else loose).extend(_row(token[0], inside))
     if inside:
         raise InputError(
-            f"{path}: CLBM is cut off after row {len(rows)}: it must end with ]; save the log again"
+            f"{path}: CLBM ends after row {len(rows)} without ]: is the log cut off? save it again"
         )
     if loose:
         yield loose
 
 
-def _row(text: str, where: Callable[[], str], inside: bool) -> Row | None:
-    """Return a measurement {bl:…, br:…, tr:…, tl:…}, mm; None for another object."""
+def _row(text: str, inside: bool) -> list[Row | None]:
+    """Return a measurement {bl:…, br:…, tr:…, tl:…}, mm, or None if damaged; [] for no such."""
     found = [_PAIR.fullmatch(part) for part in text.strip("{}").split(",")]
     pairs = {of[1]: of[2] for of in found if of is not None}
-    if set(pairs) != set(BELTS) or len(found) != 4 or not text.endswith("}"):
-        if not (inside or (set(pairs) <= set(BELTS) and pairs)):
-            return None
-        raise InputError(
-            f"{where()}: '{one_line(text, 60)}': must be {{bl:…, br:…, tr:…, tl:…}}: is "
-            "the log cut off?"
-        )
-    return tuple(_number(pairs[belt], belt, where) for belt in BELTS)
+    if not inside and not (pairs and set(pairs) <= set(BELTS)):
+        return []
+    try:
+        row = tuple(float(pairs[belt]) for belt in BELTS)
+    except (KeyError, ValueError):  # the serial link lost characters
+        return [None]
+    return [row if len(found) == 4 and text.endswith("}") and np.isfinite(row).all() else None]
 
 
-def merged(arrays: list[list[Row]]) -> tuple[list[Row], list[str]]:
+def merged(arrays: list[list[Row | None]]) -> tuple[list[Row | None], list[str]]:
     """Return the last calibration's measurements, and notes.
 
     The firmware sends all measurements so far again and again, or, after the first ones, each by
-    itself.
+    itself. One that is damaged is taken from where it is whole.
     """
-    rows, notes = list[Row](), list[str]()
+    rows, notes = list[Row | None](), list[str]()
     for array in arrays:
-        if array[: len(rows)] == rows:
-            rows = array
-        elif len(array) == 1 and array[0] not in rows:
+        pairs = list(zip(rows, array, strict=False))
+        if len(array) >= len(rows) and all(a == b or None in (a, b) for a, b in pairs):
+            rows = [a or b for a, b in pairs] + array[len(rows) :]
+        elif len(array) == 1 and (array[0] is None or array[0] not in rows):
             rows = [*rows, *array]
-        elif not all(row in rows for row in array):
+        elif not all(row in rows for row in array if row):
             notes.append(f"{len(rows)} measurements of an earlier calibration are left out")
             rows = array
+    if damaged := [str(k) for k, row in enumerate(rows, 1) if row is None]:
+        named = f"rows {', '.join(damaged)}" if damaged[1:] else f"row {damaged[0]}"
+        notes.append(f"{named}: not {{bl:…, br:…, tr:…, tl:…}}, mm; left out as damaged")
     return rows, notes
 
 
