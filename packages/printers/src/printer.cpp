@@ -14,6 +14,7 @@ int truepose_printer(const char* text, size_t length, const truepose_printer_opt
     request.arm = kMm * options->arm_mm;
     request.probe_radius = options->probe_radius_mm;
     request.next = options->next >= 1 ? int(std::min(options->next, 1000.0)) : 0;
+    request.heights_alone = options->heights_alone != 0;
     request.assumed = options->sigma;
   }
   const std::string answered = answer({text, length}, request);

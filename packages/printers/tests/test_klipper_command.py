@@ -507,11 +507,10 @@ def test_the_planned_heights_are_written_as_points_for_klipper(run, config, tmp_
     assert status == 0 and "Wrote points.cfg" in out
     points = points_of(tmp_path / "points.cfg")
     probed = 7
-    rows = json.loads(run("printer.cfg", "--plan", 5, "--format", "json")[1])["next"]
-    new = [
-        f"{row['x (mm)']:.0f}, {row['y (mm)']:.0f}" for row in rows if row["reading"] == "height"
-    ]
-    assert new and points[probed:] == new
+    words = ("--plan", 5, "--points", "points.cfg", "--force", "--format", "json")
+    rows = json.loads(run("printer.cfg", *words)[1])["next"][1:]
+    assert len(rows) == 5 and {row["reading"] for row in rows} == {"height"}
+    assert points[probed:] == [f"{row['x (mm)']:.0f}, {row['y (mm)']:.0f}" for row in rows]
     status, _, err = run("printer.cfg", "--points", "points.cfg")
     assert status == 2 and err.count("\n") == 1 and "give that too" in err
     config.write_text(lines_of("height|distance")(read("phnxdrgn536")), encoding="utf-8")

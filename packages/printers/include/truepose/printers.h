@@ -37,6 +37,7 @@ typedef struct truepose_printer_options {
   double arm_mm;          /**< nominal length of the arms (rotary: lower arms); 0: as in the file */
   double probe_radius_mm; /**< Marlin: radius of G33's points; 0: as printed, where it is */
   double next;            /**< number of next readings to plan, at most 100 */
+  double heights_alone;   /**< not 0: plan heights, no distances on a print */
   double sigma[TRUEPOSE_PRINTER_SIGMAS]; /**< mm, ° and %; 0: as above */
 } truepose_printer_options;
 

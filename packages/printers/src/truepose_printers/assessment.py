@@ -76,6 +76,7 @@ def assess(
     arm: float = 0,
     probe_radius: float = 0,
     plan: int = 0,
+    heights_alone: bool = False,
     sigma: Sequence[float] = (),
 ) -> Assessment:
     """Assess a printer from its firmware's text.
@@ -90,6 +91,8 @@ def assess(
         Radius of the points of Marlin's G33, mm; 0: as in the text.
     plan : int
         Number of next readings to plan; without saved readings the answer is that plan alone.
+    heights_alone : bool
+        Whether to plan heights, no distances on a print.
     sigma : sequence of float
         Assumed σ, mm, ° and %, in the order of truepose/printers.h; 0 or left out: as documented.
 
@@ -106,7 +109,7 @@ def assess(
     ...
     truepose.exceptions.InputError: printer.cfg: [printer] kinematics: is missing
     """
-    found = answer(text, [arm / MM, probe_radius, plan, *sigma])
+    found = answer(text, [arm / MM, probe_radius, plan, heights_alone, *sigma])
     if "error" in found:
         raise InputError(f"{path}: {found['error']}")
     return Assessment(str(path), found)

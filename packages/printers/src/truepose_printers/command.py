@@ -60,7 +60,7 @@ def command(
     ] = [],  # noqa: B006 – typer's way of a repeatable option
     points: Annotated[
         Path | None,
-        typer.Option(help="File to write: the planned heights as points that Klipper probes."),
+        typer.Option(help="File to write: points that Klipper probes; --plan then has heights alone."),
     ] = None,
     how: How = Format.table,
     force: Force = False,
@@ -71,8 +71,8 @@ def command(
     tolerances; σ of each parameter; the error of held-out heights and over the bed; and whether to
     use the estimate.
 
-    --plan adds the next points to measure; without readings, the first ones. --points writes the
-    heights among them for Klipper.
+    --plan adds the next points to measure; without readings, the first ones. --points plans heights
+    alone and writes them for Klipper.
 
     Example: **truepose klipper printer.cfg --write new.cfg**
     """
@@ -88,7 +88,7 @@ def command(
     if points:
         outputs[files.Output(points, "points", "--points")] = review.points_text
     files.check(outputs, [config], force)
-    found = read(config, plan=next_readings or 0, **options)
+    found = read(config, plan=next_readings or 0, heights_alone=points is not None, **options)
     answer = found.answer
     if "readings" not in answer and (write or backup):
         read(config, **options)  # the error of a file without readings

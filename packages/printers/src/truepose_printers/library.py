@@ -17,7 +17,7 @@ _LIBRARY = ctypes.CDLL(str(next(Path(__file__).parent.glob("*truepose_printers.*
 #: Largest answer, bytes: a configuration has at most 1 MB.
 _MOST = 1 << 24
 #: Numbers of truepose_printer_options.
-_OPTIONS = 11
+_OPTIONS = 12
 
 
 def answer(text: str, options: Sequence[float] = ()) -> dict[str, Any]:

@@ -8,13 +8,15 @@
 namespace truepose::printers {
 constexpr double kRefit = 0.98, kNothing = 1e-6, kTheSame = 1e-6, kWorse = 1.15;
 constexpr char kWhere[] = "[delta_calibrate] ";
+constexpr double kUnseen = 0.1;  ///< share of the noise below which no difference is named
 constexpr double kIdentified = 0.3, kBarely = 0.9;  ///< largest posterior over prior σ
 
 /// Request of a caller.
 struct Request {
-  double arm = 0;           ///< m; 0: as in the file
-  double probe_radius = 0;  ///< mm; 0: unknown
-  int next = 0;             ///< readings to plan
+  double arm = 0;              ///< m; 0: as in the file
+  double probe_radius = 0;     ///< mm; 0: unknown
+  int next = 0;                ///< readings to plan
+  bool heights_alone = false;  ///< in the plan
   Assumed assumed;
 };
 
@@ -31,6 +33,7 @@ struct Assessment {
   Linear linear;
   vector<Vector> fits;         ///< residuals of the file's parameters, Klipper's, the estimate's
   bool as_klipper, as_theirs;  ///< the file's parameters are Klipper's criterion's, the estimate's
+  bool as_good;                ///< they leave as little, within a tenth of the noise
   vector<Residuals> held_out;  ///< empty: too few
   Bed before, after;
   vector<string> notes, words, assumptions;
@@ -106,9 +109,9 @@ inline string fit_in_words(const Assessment& of) {
     most = off;
     away = option.name + format(" off by %.2f%s", off, option.angle() ? "°" : " mm");
   }
-  if (left == least)
-    return file + "fit the file's readings as those of Klipper's criterion do (" + left +
-           " rms), " + away;
+  if (left == least || of.as_good)
+    return file + "fit the file's readings as those of Klipper's criterion do (" + left + " rms" +
+           (left == least ? "" : "; Klipper's " + least) + "), " + away;
   return file + "do not fit the file's readings (" + left + " rms; Klipper's criterion leaves " +
          least + ", " + away + "): they were changed since, or the readings are older";
 }
@@ -183,8 +186,8 @@ inline string use(Assessment& of, const string& steps) {
                           " mm by the estimate and to " + shown_mm(by_theirs) + " by " +
                           theirs.name;
   if (ours > kWorse * by_theirs)
-    return string(of.as_klipper ? "Keep the file's" : "Use Klipper's") + " parameters, and look " +
-           arms + ": " + left_out;
+    return string(of.as_klipper || of.as_good ? "Keep the file's" : "Use Klipper's") +
+           " parameters, and look " + arms + ": " + left_out;
   if (of.as_theirs) return keep + ", which are the estimate";
   if (before < kWorse * after)
     return keep + ", " + shown_mm(after) +
@@ -233,6 +236,9 @@ inline void assess_readings(Assessment& of, auto&& stop) {
   const auto cost = [&](int k) {
     return of.fits[k].cwiseProduct(klipper_weights(readings)).squaredNorm();
   };
+  const double lost = max(of.left(file) - of.left(of.fits[1]),
+                          of.extended() ? of.left(file, true) - of.left(of.fits[1], true) : 0);
+  of.as_good = lost < kUnseen * of.judged.noise.sigma[0];
   of.as_klipper = cost(1) >= kRefit * cost(0) - kNothing * kNothing;
   of.as_theirs = (theta - of.printer.theta).head(delta.count()).cwiseAbs().maxCoeff() < kTheSame;
   of.verdict =
@@ -292,7 +298,8 @@ inline Assessment assess(string_view text, const Request& request) {
     assess_readings(of, stop);
   }
   if (request.next == 0 || !config.error.empty()) return of;
-  of.plan = next_readings(of.printer, of.estimate, of.found_noise, request.next, enough);
+  of.plan = next_readings(of.printer, of.estimate, of.found_noise, request.next,
+                          request.heights_alone ? request.next : enough);
   if (of.plan.empty())
     stop("the nozzle cannot be over the bed");
   else if (int(of.plan.size()) <= request.next)
