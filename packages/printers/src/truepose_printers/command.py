@@ -60,7 +60,7 @@ def command(
     ] = [],  # noqa: B006 – typer's way of a repeatable option
     points: Annotated[
         Path | None,
-        typer.Option(help="File to write: points that Klipper probes; --plan then has heights alone."),
+        typer.Option(help="File to write: points that Klipper probes; --plan has heights alone."),
     ] = None,
     how: How = Format.table,
     force: Force = False,
