@@ -540,6 +540,20 @@ def test_the_firmwares_anchors_are_the_truth_of_an_ideal_sled_and_best_of_a_real
     assert error(own) == pytest.approx(found.error, rel=0.2) and found.error > 2e-4
     for step in np.vstack([np.eye(5), -np.eye(5)]):
         assert error(own + 2e-3 * step) > error(own) - 2e-5
+    found, fit = firmware.best(real, False), real.fit  # belts of robots like this one, zeroed anew
+    own, names, rng = (
+        np.array(list(found.values.values())),
+        list(fit.names),
+        np.random.default_rng(1),
+    )
+    zero = [firmware.ZERO * name.endswith("offset") for name in names]
+    covariance = fit.joint_covariance[: len(names), : len(names)] + np.diag(np.square(zero))
+    errors = []
+    for change in rng.multivariate_normal(np.zeros(len(names)), covariance, 60):
+        values = [fit.robot.parameters[name].value for name in names] + change
+        asked = fit.robot.replace(dict(zip(names, values, strict=True))).extended_positions(x)
+        errors.append(error(own))
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(found.expected, rel=0.15)
 
 
 def test_lines_are_written_for_the_firmware_that_the_settings_are_of(run, tmp_path):

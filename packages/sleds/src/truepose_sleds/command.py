@@ -190,10 +190,13 @@ def pasted(sled: Sled, read: Readings, missing: float) -> tuple[Table, str]:
     rows += [["beltAxialStiffness", "", fixed(newtons, 0), ""]] if newtons else []
     column = 2 if "beltAxialStiffness" in read.settings else 1
     text = "".join(f"$/{read.prefix}{row[0]}={row[column]}\n" for row in rows if row[column])
-    errors = [fixed(1e3 * of.error, 2) for of in (plain, stretch)]
     title = f"Settings $/{read.prefix}… for the firmware, mm (stiffness in N); σ over power cycles"
     header = ["setting", "as it is", "with stretch (#1060)", "σ"]
-    rows.append(["position error left, rms", *errors, ""])
+    for what, error in (
+        ("position error in this run, rms", "error"),
+        ("expected in another run, rms", "expected"),
+    ):
+        rows.append([what, *(fixed(1e3 * getattr(of, error), 2) for of in (plain, stretch)), ""])
     return Table("settings", title, header, rows), text
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose.arguments import Array
+from truepose.arguments import Array, sigmas_of
 from truepose.robot import knowledge
 from truepose_sleds.belts import Sled, influences
 
@@ -29,7 +29,8 @@ class Anchors(NamedTuple):
 
     values: dict[str, float]  #: of each setting that is written, m
     sigma: dict[str, float]  #: of these over power cycles, m
-    error: float  #: rms of the sled's position error that remains, m
+    error: float  #: rms of the sled's position error that the firmware cannot represent, m
+    expected: float  #: the same after another power cycle: with σ of every unknown, m
 
 
 def best(sled: Sled, stretches: bool, missing: float = 0.0) -> Anchors:
@@ -65,13 +66,18 @@ def best(sled: Sled, stretches: bool, missing: float = 0.0) -> Anchors:
     strains += [np.zeros_like(lengths)] * len(sled.slips)
     pulled = np.reshape(strains, (len(strains), *lengths.shape)).transpose(1, 2, 0)
     by = np.concatenate([by, stretches * pulled], axis=2)
-    to_settings = -np.linalg.pinv(answer.jac)[:5] @ (seen(answer.x)[1] @ by).reshape(2 * len(x), -1)
-    zeros = to_settings[:, [name.endswith("offset") for name in names] + [False] * len(strains)]
-    covariance = to_settings @ sled.fit.joint_covariance @ to_settings.T + ZERO**2 * zeros @ zeros.T
+    moved = (seen(answer.x)[1] @ by).reshape(2 * len(x), -1)
+    zeroed = [name.endswith("offset") for name in names] + [False] * len(strains)
+    covariance = sled.fit.joint_covariance + ZERO**2 * np.diag(zeroed)
+    to_settings = -np.linalg.pinv(answer.jac)[:5] @ moved
+    place = answer.jac[:, 5:]  # shift and rotation of the work
+    left = moved - place @ (np.linalg.pinv(place) @ moved)
+    error2, unknown2 = 2 * answer.cost / len(x), np.sum((left @ covariance) * left) / len(x)
     return Anchors(
         dict(zip(WRITTEN, answer.x[:5].tolist(), strict=True)),
-        dict(zip(WRITTEN, np.sqrt(np.diag(covariance)).tolist(), strict=True)),
-        float(np.sqrt(2 * answer.cost / len(x))),
+        dict(zip(WRITTEN, sigmas_of(to_settings @ covariance @ to_settings.T), strict=True)),
+        float(np.sqrt(error2)),
+        float(np.sqrt(error2 + unknown2)),
     )
 
 
