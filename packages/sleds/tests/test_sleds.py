@@ -509,6 +509,14 @@ def test_errors_that_persist_from_row_to_row_are_no_slip():
     assert found.slips == ()
 
 
+@pytest.mark.parametrize(("strain", "named"), [(-0.0044, 2), (0.0044, 0)])
+def test_belts_that_a_pull_makes_shorter_are_named(strain, named):
+    rng = np.random.default_rng(3)
+    read = lengths_at(poses(), ANCHORS, 0.0, [strain, strain, 0.001])
+    found = belts.calibrate(read + 1e-3 * rng.standard_normal(read.shape))
+    assert sum("cannot make a belt shorter" in line for line in command.honesty(found)) == named
+
+
 def test_the_firmwares_anchors_are_the_truth_of_an_ideal_sled_and_best_of_a_real_one(run, tmp_path):
     """Belts that neither stretch nor are off: the true anchors, at no error. Else: no better ones.
 

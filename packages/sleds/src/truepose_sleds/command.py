@@ -23,6 +23,8 @@ from truepose_sleds.to_read import FEWEST, Readings
 CANDIDATES = 400
 #: Scatter of the anchors over σ from which σ is too small: of simulated sleds 1 % exceed it.
 DISHONEST = 1.6
+#: σ by which a strain must be below 0 to be named.
+SHORTER = 3
 #: Number of disjoint parts that are calibrated separately, each of `FEWEST` poses at least.
 PARTS = 4
 #: Share of the rows that must have a pose.
@@ -215,13 +217,14 @@ def unknowns(sled: Sled) -> Table:
 def models(sled: Sled) -> Table:
     """Return each model's errors of the lower belts on held-out ninths of the rows."""
     known = [Model(False, "off"), Model(True, "off"), Model(True, "alike"), Model(True, "sides")]
-    rows = []
+    rows, named = [], list(sled.fit.outliers)
     for model in known:
-        wrong = 1e3 * belts.held_out(sled.undone, model)
+        wrong = 1e3 * belts.held_out(np.delete(sled.undone, named, axis=0), model)
         used = "used" if model == sled.model else ""
         cells = [number(v) for v in (np.sqrt(np.mean(wrong**2)), np.median(np.abs(wrong)))]
         rows.append([str(model), *cells, Cell(used, used)])
-    title = "Lower belts predicted by the upper ones, on held-out ninths"
+    without = ", without the rows named wrong" if named else ""
+    title = f"Lower belts predicted by the upper ones, on held-out ninths{without}"
     return Table("held_out", title, ["unknown", "rms (mm)", "median (mm)", "here"], rows)
 
 
@@ -278,13 +281,20 @@ def suspects(sled: Sled, read: Readings) -> list[str]:
 
 
 def honesty(sled: Sled) -> list[str]:
-    """Return a warning where anchors from disjoint quarters scatter more than σ predicts."""
+    """Return warnings of belts that get shorter by a pull, and of a σ that is too small."""
+    said = [
+        f"{name} is {100 * of.value:.2f} ± {100 * of.sigma:.2f} %: a pull cannot make a belt "
+        "shorter; something else acts like it: see --tightened"
+        for name, of in sled.unknowns.items()
+        if name.startswith("strain") and of.value < -SHORTER * of.sigma
+    ]
     if len(sled.lengths) < PARTS * FEWEST:
-        return []
+        return said
     ratio = belts.spread(sled.undone, sled.model, PARTS)
     if ratio <= DISHONEST:
-        return []
+        return said
     return [
+        *said,
         f"do not rely on σ: anchors from disjoint quarters of the poses scatter by {ratio:.1f} of "
-        "the readings' part of it; something is missing in the model"
+        "the readings' part of it; something is missing in the model",
     ]
