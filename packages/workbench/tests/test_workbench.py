@@ -541,6 +541,16 @@ def test_undoing_returns_to_what_a_user_changed(page):
     assert page.state.drawn == before.drawn and np.abs(page.state.x_d - before.x_d).max() < 1e-12
 
 
+def test_undoing_a_calibration_takes_its_table_away(page):
+    page._changed, known = -1.0, page._verdict.content
+    with page.doing():
+        page.calibrate()
+    assert page._verdict.content != known
+    with page.doing():
+        page.undo()
+    assert page._verdict.content == known
+
+
 def test_ticks_of_two_users_are_kept_while_the_page_is_busy(page):
     ticks = [page.tabs[0]._ticks[name] for name in ("wire1", "wire3", "pivot1")]
     with page.lock:

@@ -50,7 +50,7 @@ class Page:
         self._events = ThreadPoolExecutor(1)  #: one event after another
         self._computations = ThreadPoolExecutor(1)  #: those that take longer
         self._wanted: dict[str, object] = {}  #: newest computation of each kind
-        self._before: list[State] = []  #: states to which undoing returns
+        self._before: list[tuple[State, str]] = []  #: states to which undoing returns, verdicts
         self._changed = 0.0  #: time of the last change
         self._stopped = threading.Event()
         self.dark = dark  #: initial theme
@@ -135,7 +135,7 @@ class Page:
     def doing(self) -> Iterator[None]:
         """Lock, change, and show the state; report errors in one line."""
         with self.lock, self.server.atomic():
-            before, self._said = self.state, ""
+            before, verdict, self._said = self.state, self._verdict.content, ""
             try:
                 yield
             except TrueposeError as error:
@@ -143,14 +143,15 @@ class Page:
             if self.state is not before:
                 now = time.monotonic()
                 if now - self._changed > _PAUSE:  # not passed through
-                    self._before.append(before)
+                    self._before.append((before, verdict))
                 self._changed = now
             self.show()
 
     def undo(self) -> None:
-        """Return to the state before the last change."""
+        """Return to the state before the last change, and to what was known of it."""
         if self._before:
-            self.send(self._before.pop())
+            state, self._verdict.content = self._before.pop()
+            self.send(state)
             self._changed = time.monotonic()  # itself no change to undo
 
     def drag(self, frame: Array, ended: bool) -> None:

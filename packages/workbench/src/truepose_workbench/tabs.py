@@ -53,7 +53,7 @@ class PoseTab(Tab):
         super().__init__(page)
         robot, x = page.state.drawn, page.state.x_d
         axes, motors = coordinate_axes(robot), reading_axes(robot)[: robot.m]
-        with gui.add_folder("Nacelle"):
+        with gui.add_folder("Platform"):
             rows = zip(axes, pose_range(robot), x, strict=True)
             self.pose = [_Slider(page, *row, partial(self._send, k)) for k, row in enumerate(rows)]
         with gui.add_folder("Motors"):
