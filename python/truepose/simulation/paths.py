@@ -39,7 +39,7 @@ class _Moves:
         Duration of each move, s, by a quintic time law; unused with limits.
     linear, angular : (speed, acceleration, jerk), optional
         Limits in m and rad, of the platform's reference point and of its rotation; each move is
-        then the fastest within them, found by ruckig (``pip install truepose[paths]``).
+        then the fastest within them, found by ruckig (``pip install .[paths]``).
     """
 
     duration: float = MOVE_DURATION

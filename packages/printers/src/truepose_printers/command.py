@@ -99,6 +99,8 @@ def command(
     words = [*answer.get("words", ()), *answer["assumptions"]]
     if answer["kind"] in FIRMWARES and "lines" in answer:
         words.insert(0, f"Lines for {FIRMWARES[answer['kind']]}: {' | '.join(answer['lines'])}")
+    if write or answer["kind"] in FIRMWARES:
+        words.append("After new parameters measure the Z offset and the mesh of the bed again")
     if backup:
         table, verdict = backups.judged([found, *(read(other, **options) for other in backup)])
         tables.insert(0, table)
