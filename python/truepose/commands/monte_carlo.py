@@ -79,7 +79,7 @@ def simulate_log_command(
     files.check(outputs, read, force)
     ran = simulate_log(
         drawn,
-        options.true_robot(drawn, "drawn", seed),
+        options.true_robot(drawn, "sampled", seed),
         count,
         seed,
         options.effects_of(effects, AT_REST),
@@ -164,7 +164,9 @@ def study_command(
         " equilibrium under each law; or your own function, file.py:function."
     ),
     robots: list[str] = Argument(help="Shipped robots' names, or robot files."),
-    count: int = Option(100, min=1, help="True robots to sample of each."),
+    count: int = Option(
+        100, "--robots", "--count", min=1, help="True robots to sample of each (before: --count)."
+    ),
     sensors: options.SensorsOption = None,
     grid: list[str] | None = Option(
         None,
@@ -189,7 +191,7 @@ def study_command(
     Prints rms, medians and 95th percentiles, which do not depend on the number of workers. A study
     that was interrupted resumes.
 
-    Example: **truepose monte-carlo calibration h4 par4 --count 200 -o my-study**
+    Example: **truepose monte-carlo calibration h4 par4 --robots 200 -o my-study**
     """
     with progress("cases") as bar:
         found = monte_carlo(

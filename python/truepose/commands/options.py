@@ -46,9 +46,8 @@ Seed = Annotated[
 TrueRobot = Annotated[
     str,
     Option(
-        help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
-        "name or file.",
-        autocompletion=completing(lambda: ("drawn", "nominal", *list_robots())),
+        help="True robot: sampled from the file's tolerances, nominal, or a robot's name or file.",
+        autocompletion=completing(lambda: ("sampled", "nominal", *list_robots())),
     ),
 ]
 SensorsOption = Annotated[
@@ -426,7 +425,9 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
     """Return the true robot: sampled from the tolerances, nominal, or of a robot file."""
     if text == "nominal":
         return robot
-    if text != "drawn":
+    if text == "drawn":
+        raise InputError("--true drawn: is called sampled since 0.6")
+    if text != "sampled":
         return load(text).with_sensors(*robot.sensors)
     if not any(parameter.sigma for parameter in robot.parameters.values()):
         say(f"{robot.name}: the file has no tolerances; the true robot is nominal", err=True)

@@ -68,7 +68,7 @@ def command(
         help="Control law; joint is standard control, tej the paper's law.",
         show_default="tej; joint where no sensor is in use",
     ),
-    true: options.TrueRobot = "drawn",
+    true: options.TrueRobot = "sampled",
     effects: str = options.effects_option(
         "none", "Effects that the model omits: all, none, or some: friction,delay,…"
     ),
@@ -122,7 +122,7 @@ def command(
     if start_test:
         raise InputError(moved.where("--start-test: truepose start-test ROBOT", "safety"))
     given = options.given(context)
-    read = [robot, path, way_points, None if true in ("drawn", "nominal") else true]
+    read = [robot, path, way_points, None if true in ("sampled", "nominal") else true]
     write = options.writer(read, force, plot=plot)
     log = None if out is None else logs.writing.check(out, options.paths(read), force)
     believed = options.load_with(robot, sensors)
@@ -183,7 +183,7 @@ def command(
         text = logs.writing.encoded(log.path, logs.columns(ran, truth))
         files.write({log: text}, options.paths(read), force)
     wrong = [f"faults {', '.join(map(str, faults))}"] if faults else []
-    who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
+    who = f"true robot {f'sampled with seed {seed}' if true == 'sampled' else true}"
     who = ", ".join([who, *wrong, *map(str, disturbances)])
     answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
     show(tables, how, [answer], written=(out, plot))

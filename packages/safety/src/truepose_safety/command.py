@@ -10,7 +10,7 @@ from truepose_safety.start_test import start_test
 def command(
     robot: options.RobotName,
     start: str | None = Option(None, "--from", metavar="X,Y,…", help="Pose at rest, m and rad."),
-    true: options.TrueRobot = "drawn",
+    true: options.TrueRobot = "sampled",
     effects: str = options.effects_option(
         "none", "Effects that the model omits: all, none, or some: friction,delay,…"
     ),
