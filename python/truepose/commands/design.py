@@ -99,17 +99,18 @@ def command(
         show([there.table()], how, _placement_notes(there), written=(out,))
         return
     length, angle = parse_targets(loaded, target)
-    found = select_sensors(
-        loaded,
-        None if price is None else parse_prices(loaded, ",".join(price)),
-        budget=budget,
-        target=length,
-        target_angle=angle,
-        must=others or (),
-        survives=survives,
-        use=use.use(loaded),
-        criterion=criterion.criterion(),
-    )
+    with progress("sensors"):
+        found = select_sensors(
+            loaded,
+            None if price is None else parse_prices(loaded, ",".join(price)),
+            budget=budget,
+            target=length,
+            target_angle=angle,
+            must=others or (),
+            survives=survives,
+            use=use.use(loaded),
+            criterion=criterion.criterion(),
+        )
     told = notes(found)
     if found.best is not None and robots and not survives and criterion.measure != "RP":
         with progress("robots", robots) as watch:

@@ -19,7 +19,7 @@ from truepose.exceptions import InputError
 from truepose.logs.reading import read_poses
 from truepose.robot import Robot, summed
 from truepose.show import as_csv, measured, number, printed
-from truepose.show.terminal import Format, show
+from truepose.show.terminal import Format, progress, show
 
 
 def command(
@@ -73,18 +73,19 @@ def command(
     loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = given if isinstance(given, int) else read_poses(loaded, given)
-    found = plan_poses(
-        loaded,
-        count,
-        candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
-        after=None if after is None else fit_of(loaded, after),
-        target=options.parse_target(loaded, target),
-        use=where.use(loaded),
-        relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
-        level=level,
-        seen=seen,
-        seed=seed,
-    )
+    with progress("poses"):
+        found = plan_poses(
+            loaded,
+            count,
+            candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
+            after=None if after is None else fit_of(loaded, after),
+            target=options.parse_target(loaded, target),
+            use=where.use(loaded),
+            relative_to=options.parse_pose(loaded, relative_to, "--relative-to"),
+            level=level,
+            seen=seen,
+            seed=seed,
+        )
     said = notes(found)
     if found.steps or out is None:
         write(plan=lambda: written(found), plot=found.plot)
