@@ -326,7 +326,7 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
     loop.run(1);
     CHECK_NEAR(apart(error, std::to_array(loop.corrector->error)), 0, 1e-6);  // no drive steps
     loop.run(600);
-    CHECK((loop.corrector->chi2 < loop.in.chi2) == right);
+    CHECK((loop.corrector->pupil.chi2 < loop.in.chi2) == right);
     const int fault = right ? TRUEPOSE_TEJ_NO_FAULT : TRUEPOSE_TEJ_HOMING;
     CHECK(loop.corrector->fault == fault);
     CHECK(loop.corrector->law == (right ? TRUEPOSE_LAW_TEJ : TRUEPOSE_LAW_JOINT));
