@@ -8,8 +8,9 @@ enum {
   kLoop = 50,   /* 1/s, of the drives' position loops, as exported */
   kGeometry = 2 /* `changed`: another robot model */
 };
-/** Largest change of a correction by another robot model, in counts of the encoder per cycle. */
-static const truepose_real kCounts = 0.1;
+/** Largest change of a correction by another robot model, in counts of the encoder per cycle: below
+ * 0.1, as the law answers the motion that the blend makes. */
+static const truepose_real kCounts = 0.09;
 
 /** Factor on the sigma of a failed sensor. */
 static const truepose_real kDisbelieved = 1e4;
