@@ -16,6 +16,7 @@ static void refuse(truepose_exchange* exchange, truepose_exchange_state state, c
   truepose_exchange_begin(exchange);
   exchange->state = state;
   exchange->why = why;
+  ++exchange->refused;
 }
 
 static void receive(truepose_exchange* exchange, const unsigned char* bytes, size_t count) {

@@ -28,9 +28,9 @@ typedef struct truepose_exchange {
   int32_t step;        /**< of the test; 0: bytes are expected, -1: ignored, until they pause */
   truepose_real since; /**< s since the last byte */
   /* out */
-  int32_t state;   /**< a truepose_exchange_state */
-  uint32_t used;   /**< number of tables used */
-  const char* why; /**< short reason of the last refusal */
+  int32_t state;          /**< a truepose_exchange_state */
+  uint32_t used, refused; /**< numbers of tables */
+  const char* why;        /**< short reason of the last refusal */
 } truepose_exchange;
 
 /** Expects a table. */

@@ -223,16 +223,15 @@ static void start_cycle(const truepose_corrector_input* in, int32_t homed, uint3
 /** Takes bytes of a robot from the pin `geometry`. */
 static void receive(const truepose_corrector_input* in) {
   unsigned char bytes[1024];
-  const int32_t before = exchange.state;
+  const uint32_t used = exchange.used, refused = exchange.refused;
   const hal_port_t port = *pin->geometry;
   size_t count = port != 0 ? hal_port_readable(port) : 0;
   if (count > sizeof bytes) count = sizeof bytes;
   if (count > 0 && !hal_port_read(port, (char*)bytes, count)) count = 0;
   truepose_exchange_cycle(&exchange, bytes, count, &tej, in);
-  if (exchange.state == before) return;
-  if (exchange.state == TRUEPOSE_EXCHANGE_USED)
+  if (exchange.used != used)
     rtapi_print_msg(RTAPI_MSG_INFO, "truepose_tej: geometry %u is in use\n", exchange.used);
-  if (exchange.state > TRUEPOSE_EXCHANGE_USED)
+  if (exchange.refused != refused)
     rtapi_print_msg(RTAPI_MSG_ERR,
                     "truepose_tej: geometry refused: %s. The last good one stays in use\n",
                     exchange.why);

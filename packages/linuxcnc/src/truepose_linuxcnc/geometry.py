@@ -4,7 +4,6 @@ import contextlib
 import ctypes
 import signal
 import time
-from pathlib import Path
 from typing import Annotated
 
 from typer import Option
@@ -35,7 +34,9 @@ def command(
 
     Example: **truepose linuxcnc followed.toml**
     """
-    path, port, sent = Path(path_of(robot)), _Port(name), None
+    path, port, sent = path_of(robot), _Port(name), 0
+    if not path.exists():
+        say(f"truepose: {path}: no such file yet", err=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # of LinuxCNC's end
     with contextlib.suppress(KeyboardInterrupt), port:
         while not (once and sent):
