@@ -1,0 +1,153 @@
+"""`truepose follow` beside LinuxCNC: a calibrated H4 is 20 K warmer.
+
+Run as ``python tests/trials/following.py``; `make test` does. LinuxCNC's sampler gives the readings
+to `truepose follow`, and `truepose linuxcnc` hands the geometry over. Prints the table of
+docs/linuxcnc.md: errors, and changes of the corrections in a cycle.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+from learning import LAWS, accepted, off, visits
+from trial import CIRCLE, LAWS_OF, RADIUS, configured, folder_for_all, g0, headless, job
+
+import truepose as tp
+from truepose.arguments import Array
+from truepose.robot import workspace_grid
+
+TRACKER = 1e-5  # σ of the calibration's measured coordinates, m and rad
+VISITS, WORKS = 12, 64  # poses for errors, and while `follow` runs
+COUNTS = 0.1  # largest change of a correction in a cycle by another geometry
+LEAST = 3  # geometries that are used at least: followed, calibrated, followed
+BLENDS, CELLS = 1500, 5  # cycles in which it takes effect; cells of a sample
+#: Of docs/linuxcnc.md, besides the corrections on sampler.0.
+SENT = """
+loadrt sampler depth=20000,1000 cfg=ffffu,ffffffb
+loadrt timedelay
+loadrt edge
+addf timedelay.0 servo-thread
+addf edge.0 servo-thread
+addf sampler.0 servo-thread
+addf sampler.1 servo-thread
+net still motion.in-position => timedelay.0.in
+setp timedelay.0.on-delay 0.3
+setp timedelay.0.off-delay 0
+net rest timedelay.0.out => edge.0.in
+net row edge.0.out => sampler.1.enable
+net unhealthy truepose_tej.unhealthy => sampler.1.pin.6
+loadusr -Wn truepose_geometry truepose linuxcnc followed.toml
+net geometry truepose_geometry.out => truepose_tej.geometry
+sets geometry 65536
+setp sampler.0.enable 0
+"""
+FOLLOWS = (
+    "(stdbuf -oL halsampler -c 1 & echo $! > pid; wait) | truepose follow calibrated.toml - "
+    "--columns q1,q2,q3,q4,theta,z_telemeter,health -o followed.toml > follow.log 2>&1"
+)
+
+
+def nets(robot: tp.Robot) -> str:
+    """Return HAL's lines for the samples: corrections, and readings."""
+    cells = [f"truepose_tej.{i}.correction" for i in range(robot.n)]
+    cells += ["truepose_tej.geometry-used"]
+    lines = [f"net sample-{k} {cell} => sampler.0.pin.{k}\n" for k, cell in enumerate(cells)]
+    each = [*range(robot.n), *(f"sensor.{k}" for k in range(robot.r))]
+    lines += [
+        f"net reading-{c} truepose_tej.{name}.reading => sampler.1.pin.{c}\n"
+        for c, name in enumerate(each)
+    ]
+    return "".join(lines)
+
+
+def machine() -> tuple[tp.Robot, tp.Robot]:
+    """Return the H4 as a tracker has calibrated it, and the machine: 20 K warmer since then."""
+    robot = tp.load("h4").with_sensors("theta", "z_telemeter").with_level("full")
+    true = robot.sample(1)
+    x = np.random.default_rng(2).permutation(workspace_grid(true))[:60]
+    fit = tp.calibrate(robot, true.read(x, seed=3), measured=x, measured_sigma=TRACKER)
+    grown = {name: size for part in tp.Effects().growth(true) for name, size in part.items()}
+    return fit.robot, true.replace({n: true.parameters[n].value + s for n, s in grown.items()})
+
+
+def changes(path: Path) -> tuple[Array, Array, Array]:
+    """Return changes of the corrections by cycle, degrees; geometries used; corrections."""
+    rows = [line.split() for line in path.read_text().splitlines() if "over" not in line]
+    table = np.array([row for row in rows if len(row) == 1 + CELLS], float)
+    follows = np.diff(table[:, 0]) == 1
+    step = np.abs(np.diff(table[:, 1:-1], axis=0)).max(axis=1)
+    return np.where(follows, step, 0), table[1:, -1], table[1:, 1:-1]
+
+
+def main() -> int:
+    """Print the table."""
+    if shutil.which("linuxcnc") is None:
+        print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
+        return 0
+    robot, true = machine()
+    count = float(np.degrees(robot.resolution[0]))
+    grid = np.random.default_rng(0).permutation(workspace_grid(robot))
+    x_d, works = grid[:VISITS], grid[VISITS : VISITS + WORKS]
+    home = g0(robot.home)
+    *there, circle = [g0(CIRCLE), f"G2 X{1e3 * RADIUS} Y0 I{-1e3 * RADIUS} J0 F3000"]
+    used = "wait truepose_tej.geometry-used"
+    what = job("estimated", x_d[:0], True)
+    what["pins"] |= accepted(robot)
+    what["poses"] = [
+        *visits(x_d),
+        f"sh {FOLLOWS}",
+        *(g0(x) for x in works),
+        f"{used} 1",
+        *visits(x_d),
+        "sh kill $(cat pid); cp followed.toml kept.toml",
+        "setp truepose_plant.counts 0",
+        home,
+        "setp sampler.0.enable 1",
+        "sh exec halsampler -c 0 -t > rest & echo $! > pid",
+        "sh cp calibrated.toml followed.toml",
+        f"{used} +1",
+        home,
+        home,
+        "sh kill $(cat pid); exec halsampler -c 0 -t > path",
+        *there,
+        "sh sleep 3; cp kept.toml followed.toml",
+        *[circle] * 3,
+        "sh cp other.toml followed.toml",
+        "wait truepose_tej.geometry-state +2",  # 3, then 5: refused
+        home,
+    ]
+    says = ("geometry-used", "geometry-state", "fault", "law-in-effect")
+    what["asked"] = [f"truepose_tej.{name}" for name in says]
+    with folder_for_all() as work:
+        folder = configured(work / "following", robot, true, "estimated")
+        robot.save(folder / "calibrated.toml")
+        tp.load("par4").save(folder / "other.toml")
+        with (folder / "robot.hal").open("a") as hal:
+            hal.write(SENT + nets(robot))
+        found = headless(folder, what, 600)
+        print((folder / "follow.log").read_text())
+        still, path = changes(folder / "rest"), changes(folder / "path")
+    first, last = off(found, x_d, 0), off(found, x_d, len(LAWS) * VISITS + WORKS)
+    print("\n| | " + " | ".join(f"{law}: θ, °, and position, mm" for law in LAWS) + " |")
+    print("|---|" + "---|" * len(LAWS))
+    for name, errors in {"calibrated": first, "followed": last}.items():
+        print(f"| {name} |" + "|".join(f" {a:.4f}, {b:.3f} " for a, b in errors) + "|")
+    print("\n| another geometry | largest change of a correction per cycle, counts | moved |")
+    print("|---|---|---|")
+    pins = [*found["pins"].values()]
+    good = pins[0] >= LEAST and pins[1:] == [5, 0, LAWS_OF["estimated"]]
+    for name, (step, used, moved) in {"at rest": still, "on a circle": path}.items():
+        at = np.flatnonzero(np.diff(used))[-1]
+        largest = step[at : at + BLENDS].max() / count
+        far = np.abs(moved[min(at + BLENDS, len(moved) - 1)] - moved[at]).max() / count
+        print(f"| {name} | {largest:.4f} | {far:.2f} |")
+        good &= bool(largest < COUNTS)
+    print(found["pins"], found["said"])
+    return 0 if good and last[0][1] < first[0][1] / 2 else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
