@@ -1,13 +1,17 @@
 """Files that `truepose export linuxcnc` writes."""
 
 import configparser
+import ctypes
+import os
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import truepose as tp
+from truepose_linuxcnc import geometry
 from truepose_linuxcnc.configuration import (
     SPEEDS,
     corrections,
@@ -181,3 +185,50 @@ def test_a_slow_sensor_is_refused_by_name():
     slow = tp.Robot(h4.spec.model_copy(update={"sensor": late}))
     with pytest.raises(tp.InputError, match=r"h4: a sensor has `sample_period`.*--sensors"):
         to_table(slow, tp.Controller(), tp.FaultMonitor())
+
+
+def test_a_files_geometry_is_sent_whenever_it_changes_and_again_after_a_bad_file(
+    run, h4, monkeypatch
+):
+    place = (ctypes.c_int * 1)(1)
+    pin, sent, looks = (ctypes.POINTER(ctypes.c_int) * 1)(place), [], []
+    longer = h4.replace({"chain1.rod": 0.483})
+
+    def look(_):
+        """Change the file before the next look; end at last."""
+        if not looks:
+            Path("followed.toml").write_text("name = 'h4")
+        elif len(looks) == 1:
+            longer.save("followed.toml", force=True)
+        elif len(looks) > 2:
+            raise KeyboardInterrupt
+        looks.append(len(b"".join(sent)))
+        if Path("followed.toml").exists():
+            os.utime("followed.toml", ns=(0, len(looks) if len(looks) < 3 else 2))
+
+    hal = SimpleNamespace(
+        hal_init=lambda name: 1,
+        hal_malloc=lambda size: ctypes.addressof(pin),
+        hal_pin_port_new=lambda *_: 0,
+        hal_ready=lambda id: 0,
+        hal_exit=lambda id: sent.append(b"") or 0,
+        hal_port_writable=lambda port: 5000,
+        hal_port_write=lambda port, data, size: sent.append(data) or True,
+    )
+    monkeypatch.setattr(geometry.ctypes, "CDLL", lambda name: hal)
+    monkeypatch.setattr(geometry.time, "sleep", look)
+    h4.save("followed.toml")
+    status, _, error = run("linuxcnc", "followed.toml")
+    assert status == 0
+    assert error.count("the last good geometry stays in use") == 1
+    tables = [to_table(robot, tp.Controller(), tp.FaultMonitor()) for robot in (h4, longer)]
+    assert b"".join(sent) == b"".join(tables)
+
+
+def test_where_linuxcnc_is_not_installed_it_is_said_in_a_line(run, monkeypatch):
+    def missing(name):
+        raise OSError
+
+    monkeypatch.setattr(geometry.ctypes, "CDLL", missing)
+    status, _, error = run("linuxcnc", "h4")
+    assert status == 2 and "LinuxCNC is not installed" in error

@@ -14,9 +14,9 @@ PINS |= {"safety-state": ctypes.c_int, "safety-cause": ctypes.c_int, "safety-mot
 PINS |= {"safety-causes": ctypes.c_uint, "frame": ctypes.c_uint, "fault-code": ctypes.c_int}
 PINS |= {f"start-{n}": ctypes.c_int for n in ("level", "reached", "state", "finding", "part")}
 PINS |= {f"geometry{n}": ctypes.c_int for n in ("", "-state", "-used")}
-BITS = ("unhealthy", "start-test", "start-active", "safety", "frame-known", "reset", "stop", "3.brake")
+BITS = ("start-test", "start-active", "safety", "frame-known", "reset", "stop", "3.brake")
 BITS += ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
-BITS += ("sensor.0.index-enable", "referenced")
+BITS += ("sensor.0.index-enable", "referenced", "unhealthy")
 BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
 
@@ -103,9 +103,7 @@ def test_what_was_learnt_is_kept_for_the_same_table_alone(tej, h4, tmp_path, cap
     assert "ends too early" in capfd.readouterr().err
 
 
-def test_geometry_that_a_pin_brings_is_used_at_work_and_bad_bytes_are_refused(
-    hal, tej, h4, capfd
-):
+def test_geometry_that_a_pin_brings_is_used_at_work_and_bad_bytes_are_refused(hal, tej, h4, capfd):
     module = tej(h4)
     module["geometry"] = 1  # the stub's port
     before = answer(module)

@@ -26,7 +26,6 @@ def command(
     robot: RobotName,
     sensors: SensorsOption = None,
     name: Annotated[str, Option(help="Name of the HAL component.")] = "truepose_geometry",
-    once: Annotated[bool, Option("--once", help="Send the geometry once, and end.")] = False,
 ) -> None:
     """Hand a robot file's geometry over to a running LinuxCNC, again whenever the file changes.
 
@@ -39,7 +38,7 @@ def command(
         say(f"truepose: {path}: no such file yet", err=True)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # of LinuxCNC's end
     with contextlib.suppress(KeyboardInterrupt), port:
-        while not (once and sent):
+        while True:
             with contextlib.suppress(OSError):
                 changed = path.stat().st_mtime_ns
                 if changed != sent:

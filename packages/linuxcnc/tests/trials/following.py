@@ -1,4 +1,4 @@
-"""`truepose follow` beside LinuxCNC: a calibrated H4 is 20 K warmer.
+"""`truepose follow` beside LinuxCNC: a commissioned H4 is 20 K warmer.
 
 Run as ``python tests/trials/following.py``; `make test` does. LinuxCNC's sampler gives the readings
 to `truepose follow`, and `truepose linuxcnc` hands the geometry over. Prints the table of
@@ -17,9 +17,10 @@ from trial import CIRCLE, LAWS_OF, RADIUS, configured, folder_for_all, g0, headl
 
 import truepose as tp
 from truepose.arguments import Array
-from truepose.robot import workspace_grid
+from truepose.calibration.learnt import calibrated
+from truepose.robot import knowledge, workspace_grid
 
-TRACKER = 1e-5  # σ of the calibration's measured coordinates, m and rad
+KNOWN = 0.003  # σ of the commissioned robot's parameters, share of their tolerances
 VISITS, WORKS = 12, 64  # poses for errors, and while `follow` runs
 COUNTS = 0.1  # largest change of a correction in a cycle by another geometry
 LEAST = 3  # geometries that are used at least: followed, calibrated, followed
@@ -64,13 +65,16 @@ def nets(robot: tp.Robot) -> str:
 
 
 def machine() -> tuple[tp.Robot, tp.Robot]:
-    """Return the H4 as a tracker has calibrated it, and the machine: 20 K warmer since then."""
-    robot = tp.load("h4").with_sensors("theta", "z_telemeter").with_level("full")
-    true = robot.sample(1)
-    x = np.random.default_rng(2).permutation(workspace_grid(true))[:60]
-    fit = tp.calibrate(robot, true.read(x, seed=3), measured=x, measured_sigma=TRACKER)
+    """Return an H4 known to a share of its tolerances, and the machine: 20 K warmer since then."""
+    nominal = tp.load("h4").with_sensors("theta", "z_telemeter").with_level("full")
+    true = nominal.sample(1)
+    names = knowledge.uncertain(nominal)
+    sigma = KNOWN * np.array([nominal.parameters[name].sigma for name in names])
+    off = sigma * np.random.default_rng(4).standard_normal(len(names))
+    values = {n: true.parameters[n].value + o for n, o in zip(names, off, strict=True)}
     grown = {name: size for part in tp.Effects().growth(true) for name, size in part.items()}
-    return fit.robot, true.replace({n: true.parameters[n].value + s for n, s in grown.items()})
+    warm = true.replace({name: true.parameters[name].value + size for name, size in grown.items()})
+    return calibrated(nominal, values, np.diag(sigma), "commissioning").at_highest_level, warm
 
 
 def changes(path: Path) -> tuple[Array, Array, Array]:
@@ -94,16 +98,18 @@ def main() -> int:
     home = g0(robot.home)
     *there, circle = [g0(CIRCLE), f"G2 X{1e3 * RADIUS} Y0 I{-1e3 * RADIUS} J0 F3000"]
     used = "wait truepose_tej.geometry-used"
-    what = job("estimated", x_d[:0], True)
+    what = job("estimated", x_d[:0], False)  # homed on an index, which is finer than a count
     what["pins"] |= accepted(robot)
     what["poses"] = [
         *visits(x_d),
+        "setp truepose_plant.counts 1",
         f"sh {FOLLOWS}",
         *(g0(x) for x in works),
         f"{used} 1",
-        *visits(x_d),
-        "sh kill $(cat pid); cp followed.toml kept.toml",
+        "sh kill $(cat pid)",
         "setp truepose_plant.counts 0",
+        *visits(x_d),
+        "sh cp followed.toml kept.toml",
         home,
         "setp sampler.0.enable 1",
         "sh exec halsampler -c 0 -t > rest & echo $! > pid",
@@ -133,7 +139,7 @@ def main() -> int:
     first, last = off(found, x_d, 0), off(found, x_d, len(LAWS) * VISITS + WORKS)
     print("\n| | " + " | ".join(f"{law}: θ, °, and position, mm" for law in LAWS) + " |")
     print("|---|" + "---|" * len(LAWS))
-    for name, errors in {"calibrated": first, "followed": last}.items():
+    for name, errors in {"commissioned": first, "followed": last}.items():
         print(f"| {name} |" + "|".join(f" {a:.4f}, {b:.3f} " for a, b in errors) + "|")
     print("\n| another geometry | largest change of a correction per cycle, counts | moved |")
     print("|---|---|---|")
