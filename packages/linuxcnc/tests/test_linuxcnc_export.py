@@ -4,6 +4,7 @@ import configparser
 import ctypes
 import os
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -190,38 +191,41 @@ def test_a_slow_sensor_is_refused_by_name():
 def test_a_files_geometry_is_sent_whenever_it_changes_and_again_after_a_bad_file(
     run, h4, monkeypatch
 ):
-    place = (ctypes.c_int * 1)(1)
-    pin, sent, looks = (ctypes.POINTER(ctypes.c_int) * 1)(place), [], []
-    longer = h4.replace({"chain1.rod": 0.483})
+    h4.save("first.toml")
+    h4.replace({"chain1.rod": 0.483}).save("last.toml")
+    Path("bad.toml").write_text("name = 'h4")
+    files = iter(["first.toml", "bad.toml", "last.toml", None])
+    sent, followed = [], Path("followed.toml")
 
-    def look(_):
-        """Change the file before the next look; end at last."""
-        if not looks:
-            Path("followed.toml").write_text("name = 'h4")
-        elif len(looks) == 1:
-            longer.save("followed.toml", force=True)
-        elif len(looks) > 2:
+    def change(_):
+        """Change the file before the next look, once without a change."""
+        name = next(files, followed)
+        if name == followed:
             raise KeyboardInterrupt
-        looks.append(len(b"".join(sent)))
-        if Path("followed.toml").exists():
-            os.utime("followed.toml", ns=(0, len(looks) if len(looks) < 3 else 2))
+        if name is not None:
+            shutil.copy(name, followed)
+            os.utime(followed, ns=(0, len(name)))
 
+    pin = (ctypes.POINTER(ctypes.c_int) * 1)((ctypes.c_int * 1)(1))
     hal = SimpleNamespace(
         hal_init=lambda name: 1,
         hal_malloc=lambda size: ctypes.addressof(pin),
         hal_pin_port_new=lambda *_: 0,
         hal_ready=lambda id: 0,
-        hal_exit=lambda id: sent.append(b"") or 0,
+        hal_exit=lambda id: 0,
         hal_port_writable=lambda port: 5000,
-        hal_port_write=lambda port, data, size: sent.append(data) or True,
+        hal_port_write=lambda port, data, size: sent.append(data[:size]) or True,
     )
     monkeypatch.setattr(geometry.ctypes, "CDLL", lambda name: hal)
-    monkeypatch.setattr(geometry.time, "sleep", look)
-    h4.save("followed.toml")
+    monkeypatch.setattr(geometry.time, "sleep", change)
     status, _, error = run("linuxcnc", "followed.toml")
     assert status == 0
+    assert "followed.toml: no such file yet" in error
     assert error.count("the last good geometry stays in use") == 1
-    tables = [to_table(robot, tp.Controller(), tp.FaultMonitor()) for robot in (h4, longer)]
+    tables = [
+        to_table(tp.load(name), tp.Controller(), tp.FaultMonitor())
+        for name in ("first.toml", "last.toml")
+    ]
     assert b"".join(sent) == b"".join(tables)
 
 

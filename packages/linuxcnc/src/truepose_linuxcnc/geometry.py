@@ -10,7 +10,7 @@ from typer import Option
 
 from truepose.commands.options import RobotName, SensorsOption, load_with
 from truepose.control.controller import Controller
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, TrueposeError
 from truepose.faults.monitor import FaultMonitor
 from truepose.robotfile import path_of
 from truepose.show.terminal import say
@@ -51,7 +51,7 @@ def _send(port: "_Port", robot: str, sensors: str | None) -> None:
     """Send a file's geometry; print why it cannot be sent."""
     try:
         table = to_table(load_with(robot, sensors), Controller(), FaultMonitor())
-    except InputError as error:
+    except TrueposeError as error:
         say(f"truepose: {error}: the last good geometry stays in use", err=True)
         return
     port.write(table)
