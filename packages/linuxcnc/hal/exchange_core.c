@@ -66,65 +66,65 @@ static int corrects(truepose_corrector* tej, const truepose_corrector_input* in,
   return allowed;
 }
 
-static void test(truepose_exchange* exchange, truepose_corrector* tej,
-                 const truepose_corrector_input* in) {
-  truepose_table* const table = &exchange->table[exchange->arrives];
+/** Makes the next step of the test. @return the state that follows; `why` of an invalid table */
+static truepose_exchange_state test(truepose_exchange* exchange, truepose_corrector* tej,
+                                    const truepose_corrector_input* in, const char** why) {
+  const truepose_table* const table = &exchange->table[exchange->arrives];
   truepose_pupil* const pupil = &tej->pupil;
   truepose_real q_e[TRUEPOSE_READINGS];
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
-  if (in->learn || pupil->lines + pupil->left_out > 0) {
-    refuse(exchange, TRUEPOSE_EXCHANGE_LEARNS, "online calibration is on: one of the two");
-    return;
-  }
-  if (exchange->step == 1) {
-    if (!alike(table, &tej->table) ||
-        truepose_work(&pupil->drawn, table->known.count) > TRUEPOSE_TEJ_WORK) {
-      refuse(exchange, TRUEPOSE_EXCHANGE_OTHER, "is of another robot, or has other sensors");
-      return;
-    }
-    outcome = truepose_load(&pupil->next_finest, sizeof pupil->next_finest, &table->finest);
-  } else if (exchange->step == 2) {
-    outcome = truepose_pupil_load(pupil);
-  } else {
+  if (in->learn || pupil->lines + pupil->left_out > 0) return TRUEPOSE_EXCHANGE_LEARNS;
+  if (exchange->step > 2) { /* with readings */
     if (!in->enable || !in->referenced || tej->fault != TRUEPOSE_TEJ_NO_FAULT || tej->doubted)
-      return;
+      return TRUEPOSE_EXCHANGE_TESTED;
     memcpy(q_e, in->q_e, sizeof q_e);
     for (int i = 0; i < tej->motors; ++i) q_e[i] -= tej->homed_by[i];
-    if (exchange->step == 3) {
+  }
+  switch (exchange->step++) {
+    case 1:
+      if (!alike(table, &tej->table) ||
+          truepose_work(&pupil->drawn, table->known.count) > TRUEPOSE_TEJ_WORK)
+        return TRUEPOSE_EXCHANGE_OTHER;
+      outcome = truepose_load(&pupil->next_finest, sizeof pupil->next_finest, &table->finest);
+      break;
+    case 2: outcome = truepose_pupil_load(pupil); break;
+    case 3:
       outcome = truepose_pupil_accuracy(pupil, &pupil->next_finest, &table->known, q_e, in->chi2,
                                         tej->work);
-      if (outcome.status != TRUEPOSE_OK && outcome.status != TRUEPOSE_NEAR_SINGULAR) {
-        refuse(exchange, TRUEPOSE_EXCHANGE_READINGS, "the machine's readings contradict it");
-        return;
-      }
-    } else if (corrects(tej, in, &table->known, q_e)) {
+      return outcome.status == TRUEPOSE_OK || outcome.status == TRUEPOSE_NEAR_SINGULAR
+                 ? TRUEPOSE_EXCHANGE_TESTED
+                 : TRUEPOSE_EXCHANGE_READINGS;
+    default:
+      if (!corrects(tej, in, &table->known, q_e)) return TRUEPOSE_EXCHANGE_CORRECTION;
       truepose_pupil_adopt(pupil);
       pupil->known = table->known;
       tej->given = tej->exchanged = 1;
+      ++exchange->used;
       exchange->arrives ^= 1;
       truepose_exchange_begin(exchange);
-      exchange->state = TRUEPOSE_EXCHANGE_USED;
-      ++exchange->used;
-      return;
-    } else {
-      refuse(exchange, TRUEPOSE_EXCHANGE_CORRECTION, "its correction exceeds largest-correction");
-      return;
-    }
+      return TRUEPOSE_EXCHANGE_USED;
   }
-  ++exchange->step;
-  if (outcome.status > TRUEPOSE_OK)
-    refuse(exchange, TRUEPOSE_EXCHANGE_INVALID, truepose_status_text(outcome.status));
+  *why = truepose_status_text(outcome.status);
+  return outcome.status > TRUEPOSE_OK ? TRUEPOSE_EXCHANGE_INVALID : TRUEPOSE_EXCHANGE_TESTED;
 }
 
 void truepose_exchange_cycle(truepose_exchange* exchange, const unsigned char* bytes, size_t count,
                              truepose_corrector* tej, const truepose_corrector_input* in) {
+  static const char* const texts[] = {
+      "is of another robot, or has other sensors", "the machine's readings contradict it",
+      "its correction exceeds largest-correction", "online calibration is on: one of the two"};
   exchange->since = count > 0 ? 0 : exchange->since + tej->period;
-  if (count > 0)
+  if (count > 0) {
     receive(exchange, bytes, count);
-  else if (exchange->step > 0)
-    test(exchange, tej, in);
-  else if (exchange->since > kPause && exchange->state == TRUEPOSE_EXCHANGE_ARRIVES)
+  } else if (exchange->step > 0) {
+    const char* why = NULL;
+    const truepose_exchange_state state = test(exchange, tej, in, &why);
+    exchange->state = state;
+    if (state > TRUEPOSE_EXCHANGE_INVALID) why = texts[state - TRUEPOSE_EXCHANGE_OTHER];
+    if (state > TRUEPOSE_EXCHANGE_USED) refuse(exchange, state, why);
+  } else if (exchange->since > kPause && exchange->state == TRUEPOSE_EXCHANGE_ARRIVES) {
     refuse(exchange, TRUEPOSE_EXCHANGE_INVALID, "ends too early");
-  else if (exchange->since > kPause)
+  } else if (exchange->since > kPause) {
     exchange->step = 0;
+  }
 }
