@@ -25,43 +25,22 @@ VISITS, WORKS = 12, 64  # poses for errors, and while `follow` runs
 COUNTS = 0.1  # largest change of a correction in a cycle by another geometry
 LEAST = 3  # geometries that are used at least: followed, calibrated, followed
 BLENDS, CELLS = 1500, 5  # cycles in which it takes effect; cells of a sample
-#: Of docs/linuxcnc.md, besides the corrections on sampler.0.
-SENT = """
-loadrt sampler depth=20000,1000 cfg=ffffu,ffffffb
-loadrt timedelay
-loadrt edge
-addf timedelay.0 servo-thread
-addf edge.0 servo-thread
-addf sampler.0 servo-thread
-addf sampler.1 servo-thread
-net still motion.in-position => timedelay.0.in
-setp timedelay.0.on-delay 0.3
-setp timedelay.0.off-delay 0
-net rest timedelay.0.out => edge.0.in
-net row edge.0.out => sampler.1.enable
-net unhealthy truepose_tej.unhealthy => sampler.1.pin.6
-loadusr -Wn truepose_geometry truepose linuxcnc followed.toml
-net geometry truepose_geometry.out => truepose_tej.geometry
-sets geometry 65536
-setp sampler.0.enable 0
-"""
-FOLLOWS = (
-    "(stdbuf -oL halsampler -c 1 & echo $! > pid; wait) | truepose follow calibrated.toml - "
-    "--columns q1,q2,q3,q4,theta,z_telemeter,health -o followed.toml > follow.log 2>&1"
+#: Lines for HAL, and the command, as the page prints them.
+PAGE = (
+    (Path(__file__).parents[2] / "docs/linuxcnc.md").read_text().split("### Geometry by a pin")[1]
 )
+SENT = PAGE.split("```text\n")[1].split("```")[0]
+FOLLOWS = next(line.strip() for line in PAGE.splitlines() if "| truepose follow" in line)
 
 
-def nets(robot: tp.Robot) -> str:
-    """Return HAL's lines for the samples: corrections, and readings."""
-    cells = [f"truepose_tej.{i}.correction" for i in range(robot.n)]
-    cells += ["truepose_tej.geometry-used"]
-    lines = [f"net sample-{k} {cell} => sampler.0.pin.{k}\n" for k, cell in enumerate(cells)]
-    each = [*range(robot.n), *(f"sensor.{k}" for k in range(robot.r))]
-    lines += [
-        f"net reading-{c} truepose_tej.{name}.reading => sampler.1.pin.{c}\n"
-        for c, name in enumerate(each)
-    ]
-    return "".join(lines)
+def hal(robot: tp.Robot) -> str:
+    """Return HAL's lines with those that sample the corrections, disabled at first."""
+    cells = [*(f"{i}.correction" for i in range(robot.n)), "geometry-used"]
+    return (
+        SENT.replace("depth=1000 cfg=ffffffb", "depth=1000,20000 cfg=ffffffb,ffffu")
+        + "addf sampler.1 servo-thread\nsetp sampler.1.enable 0\n"
+        + "".join(f"net c-{k} truepose_tej.{c} => sampler.1.pin.{k}\n" for k, c in enumerate(cells))
+    )
 
 
 def machine() -> tuple[tp.Robot, tp.Robot]:
@@ -103,7 +82,7 @@ def main() -> int:
     what["poses"] = [
         *visits(x_d),
         "setp truepose_plant.counts 1",
-        f"sh {FOLLOWS}",
+        "sh (" + FOLLOWS.replace(" | ", " & echo $! > pid; wait) | ", 1) + " > follow.log 2>&1",
         *(g0(x) for x in works),
         f"{used} 1",
         "sh kill $(cat pid)",
@@ -111,13 +90,13 @@ def main() -> int:
         *visits(x_d),
         "sh cp followed.toml kept.toml",
         home,
-        "setp sampler.0.enable 1",
-        "sh exec halsampler -c 0 -t > rest & echo $! > pid",
+        "setp sampler.1.enable 1",
+        "sh exec halsampler -c 1 -t > rest & echo $! > pid",
         "sh cp calibrated.toml followed.toml",
         f"{used} +1",
         home,
         home,
-        "sh kill $(cat pid); exec halsampler -c 0 -t > path",
+        "sh kill $(cat pid); exec halsampler -c 1 -t > path",
         *there,
         "sh sleep 3; cp kept.toml followed.toml",
         *[circle] * 3,
@@ -131,8 +110,8 @@ def main() -> int:
         folder = configured(work / "following", robot, true, "estimated")
         robot.save(folder / "calibrated.toml")
         tp.load("par4").save(folder / "other.toml")
-        with (folder / "robot.hal").open("a") as hal:
-            hal.write(SENT + nets(robot))
+        with (folder / "robot.hal").open("a") as file:
+            file.write(hal(robot))
         found = headless(folder, what, 600)
         print((folder / "follow.log").read_text())
         still, path = changes(folder / "rest"), changes(folder / "path")
