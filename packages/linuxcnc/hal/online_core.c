@@ -4,16 +4,25 @@
 #include <math.h>
 #include <string.h>
 
+truepose_outcome truepose_pupil_load(truepose_pupil* pupil) {
+  truepose_description of;
+  truepose_outcome outcome = truepose_description_of(&pupil->next_finest, &of);
+  of.level = pupil->level;
+  if (outcome.status <= TRUEPOSE_OK) outcome = truepose_load(&pupil->next, sizeof pupil->next, &of);
+  return outcome;
+}
+
+void truepose_pupil_adopt(truepose_pupil* pupil) {
+  pupil->robot = pupil->next;
+  pupil->finest = pupil->next_finest;
+}
+
 /** Adopts the identified robot, at both levels. If it cannot be loaded (its home beyond a stop),
  * the previous one stays. */
 static int believe(truepose_pupil* pupil) {
-  truepose_description of;
   truepose_online_calibrator_model(&pupil->learner, &pupil->next_finest, sizeof pupil->next_finest);
-  truepose_description_of(&pupil->next_finest, &of);
-  of.level = pupil->level;
-  if (truepose_load(&pupil->next, sizeof pupil->next, &of).status > TRUEPOSE_OK) return 0;
-  pupil->robot = pupil->next;
-  pupil->finest = pupil->next_finest;
+  if (truepose_pupil_load(pupil).status > TRUEPOSE_OK) return 0;
+  truepose_pupil_adopt(pupil);
   truepose_online_calibrator_knowledge(&pupil->learner, &pupil->known);
   return 1;
 }
@@ -52,14 +61,19 @@ static int stood(truepose_pupil* pupil, truepose_real period, truepose_real rest
   return 1;
 }
 
-/** Computes the accuracy of the pose where the machine is at rest. */
-static void ask_sigma(truepose_pupil* pupil, const truepose_real* q_e, truepose_real* work) {
-  if (truepose_fkm(&pupil->finest, q_e, TRUEPOSE_STEPS, pupil->x).outcome.status > TRUEPOSE_OK)
-    return;
-  const truepose_estimate_result found =
-      truepose_estimate(&pupil->finest, &pupil->known, q_e, work, pupil->x);
-  for (int i = 0; i < pupil->motors && found.outcome.status <= TRUEPOSE_OK; ++i)
+truepose_outcome truepose_pupil_accuracy(truepose_pupil* pupil, const truepose_model* finest,
+                                         const truepose_knowledge* known, const truepose_real* q_e,
+                                         truepose_real chi2, truepose_real* work) {
+  truepose_outcome outcome = truepose_fkm(finest, q_e, TRUEPOSE_STEPS, pupil->x).outcome;
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  const truepose_estimate_result found = truepose_estimate(finest, known, q_e, work, pupil->x);
+  outcome = found.outcome;
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  pupil->chi2 = found.chi2;
+  if (!(found.chi2 <= (chi2 > 0 ? chi2 : HUGE_VAL))) outcome.status = TRUEPOSE_DISAGREE;
+  for (int i = 0; i < pupil->motors && outcome.status != TRUEPOSE_DISAGREE; ++i)
     pupil->sigma[i] = sqrt(found.covariance[i * (TRUEPOSE_FREEDOMS + 1)]);
+  return outcome;
 }
 
 int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_real rest,
@@ -68,7 +82,7 @@ int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_r
   const int fresh = pupil->fresh;
   pupil->fresh = 0;
   if (!pupil->able) return 0;
-  if (fresh) ask_sigma(pupil, q_e, work);
+  if (fresh) truepose_pupil_accuracy(pupil, &pupil->finest, &pupil->known, q_e, 0, work);
   if (!stood(pupil, period, rest, q_d)) return 0;
   pupil->outcome = truepose_online_calibrator_step(&pupil->learner, q_e);
   truepose_online_calibrator_samples(&pupil->learner, &pupil->lines, &pupil->left_out);

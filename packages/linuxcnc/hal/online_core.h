@@ -31,7 +31,9 @@ typedef struct truepose_pupil {
   /* out */
   int64_t lines, left_out;  /**< used rows; rows that fit no pose or contradict the others */
   truepose_outcome outcome; /**< of the last row */
-  truepose_real sigma[TRUEPOSE_FREEDOMS]; /**< of the pose there, from all readings, m or rad */
+  truepose_real
+      sigma[TRUEPOSE_FREEDOMS]; /**< of the pose at the last accuracy estimate, m or rad */
+  truepose_real chi2;           /**< of the readings there */
 } truepose_pupil;
 
 /** Initialises from a table. @return as truepose_load(), or TOO_SMALL */
@@ -47,6 +49,17 @@ int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_r
                          const truepose_real* q_d, const truepose_real* q_e, truepose_real* work);
 /** Rolls back the last rows after a fault of a reading. @return as above */
 int truepose_pupil_forget(truepose_pupil* pupil);
+
+/** Makes `next` of `next_finest`. @return as truepose_load() */
+truepose_outcome truepose_pupil_load(truepose_pupil* pupil);
+/** Makes `next` and `next_finest` the current robot. */
+void truepose_pupil_adopt(truepose_pupil* pupil);
+/** Computes the accuracy of the pose where the machine is, and χ², from all readings.
+ * @param chi2  largest accepted χ² of the readings; 0: any
+ * @return as truepose_fkm() and truepose_estimate(); DISAGREE: χ² is larger */
+truepose_outcome truepose_pupil_accuracy(truepose_pupil* pupil, const truepose_model* finest,
+                                         const truepose_knowledge* known, const truepose_real* q_e,
+                                         truepose_real chi2, truepose_real* work);
 
 /** Makes the current robot the table's, and writes that: as truepose_write_table(). */
 const char* truepose_pupil_keep(const truepose_pupil* pupil, truepose_table* table,

@@ -19,6 +19,7 @@ enum { ONE, MOTOR, SENSOR, READING, POSE, AXIS };
 #define TRUEPOSE_bit HAL_BIT
 #define TRUEPOSE_s32 HAL_S32
 #define TRUEPOSE_u32 HAL_U32
+#define TRUEPOSE_port HAL_PORT
 #define TRUEPOSE_POINTER(row, kind, direction, member, ...) hal_##kind##_t* member TRUEPOSE_##row;
 #define TRUEPOSE_MAKE(row, kind, direction, member, name, value, ...) \
   bad |= new_row(row, TRUEPOSE_##kind, &pin->member, HAL_##direction, value, name);

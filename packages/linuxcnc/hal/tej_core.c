@@ -5,8 +5,12 @@
 #include <string.h>
 
 enum {
-  kLoop = 50 /* 1/s, of the drives' position loops, as exported */
+  kLoop = 50,   /* 1/s, of the drives' position loops, as exported */
+  kGeometry = 2 /* `changed`: another robot model */
 };
+/** Largest change of a correction by another robot model, in counts of the encoder per cycle: below
+ * 0.1, as the law answers the motion that the blend makes. */
+static const truepose_real kCounts = 0.09;
 
 /** Factor on the sigma of a failed sensor. */
 static const truepose_real kDisbelieved = 1e4;
@@ -51,7 +55,7 @@ static void fails(truepose_corrector* tej, truepose_corrector_fault fault, int32
 static void goes_by(truepose_corrector* tej, int learnt, int anew) {
   if (learnt == tej->learnt && !(learnt && anew)) return;
   tej->learnt = learnt;
-  tej->changed = 1;
+  tej->changed |= kGeometry;
 }
 
 /** Observes external forces from the drives' torques; off where the robot has no torque limits. */
@@ -147,10 +151,11 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
 /** Identifies the robot from readings at rest, if there is no fault. */
 static void learn(truepose_corrector* tej, const truepose_corrector_input* input,
                   const truepose_real* q_e) {
-  int anew = 0;
-  if (input->learn && input->enable && input->referenced && tej->fault == TRUEPOSE_TEJ_NO_FAULT &&
-      !tej->doubted)
-    anew = truepose_pupil_cycle(&tej->pupil, tej->period, input->rest, input->q_d, q_e, tej->work);
+  int anew = tej->given;
+  tej->given = 0;
+  if (input->learn && !tej->exchanged && input->enable && input->referenced &&
+      tej->fault == TRUEPOSE_TEJ_NO_FAULT && !tej->doubted)
+    anew |= truepose_pupil_cycle(&tej->pupil, tej->period, input->rest, input->q_d, q_e, tej->work);
   goes_by(tej, input->learnt && tej->pupil.able, anew);
 }
 
@@ -194,21 +199,12 @@ static void homed(truepose_corrector* tej, const truepose_corrector_input* input
 /** Tests once after referencing whether the readings are consistent within the tolerances. */
 static void question(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e) {
-  truepose_real x[6];
-  truepose_outcome outcome;
   if (!tej->questioned || !input->enable || !input->referenced || tej->fault) return;
   tej->questioned = 0;
   if (!(input->chi2 > 0) || !tej->table.monitored || !tej->pupil.able) return;
-  memcpy(x, tej->x_d, sizeof x);
-  outcome = truepose_fkm(&tej->pupil.drawn, q_e, TRUEPOSE_STEPS, x).outcome;
-  if (outcome.status <= TRUEPOSE_OK) {
-    const truepose_estimate_result found =
-        truepose_estimate(&tej->pupil.drawn, &tej->table.known, q_e, tej->work, x);
-    outcome = found.outcome;
-    tej->chi2 = found.chi2;
-    if (outcome.status <= TRUEPOSE_OK && !(found.chi2 <= input->chi2))
-      outcome.status = TRUEPOSE_DISAGREE;
-  }
+  memcpy(tej->pupil.x, tej->x_d, sizeof tej->pupil.x);
+  const truepose_outcome outcome = truepose_pupil_accuracy(
+      &tej->pupil, &tej->pupil.drawn, &tej->table.known, q_e, input->chi2, tej->work);
   if (outcome.status == TRUEPOSE_OK || outcome.status == TRUEPOSE_NEAR_SINGULAR) return;
   tej->questioned = 1;
   fails(tej, TRUEPOSE_TEJ_HOMING, outcome.status, outcome.part);
@@ -256,11 +252,18 @@ static void blend(truepose_corrector* tej, const truepose_corrector_input* input
   if (law != tej->law || tej->changed) {
     tej->law = law;
     tej->since = 0;
-    for (int i = 0; i < tej->motors; ++i) tej->from[i] = tej->correction[i] - asked[i];
+    tej->longest = 0;
+    for (int i = 0; i < tej->motors; ++i) {
+      const truepose_real most = kCounts * tej->table.robot.chain[i].encoder_step / tej->period;
+      tej->from[i] = tej->correction[i] - asked[i];
+      if (tej->changed >= kGeometry && most > 0) /* 1.875: the quintic's steepest part */
+        tej->longest = fmax(tej->longest, 1.875 * fabs(tej->from[i]) / most);
+    }
   } else {
     tej->since += tej->period;
   }
-  const truepose_real u = input->blend > 0 ? fmin(tej->since / input->blend, 1) : 1;
+  const truepose_real span = fmax(input->blend, tej->longest);
+  const truepose_real u = span > 0 ? fmin(tej->since / span, 1) : 1;
   const truepose_real left = 1 - u * u * u * (10 + u * (6 * u - 15));
   for (int i = 0; i < tej->motors; ++i) tej->correction[i] = asked[i] + left * tej->from[i];
 }

@@ -83,7 +83,9 @@ typedef struct truepose_corrector {
                                           commands */
   truepose_real from[TRUEPOSE_MOTORS]; /**< difference from the earlier correction, ramped out */
   truepose_real since;                 /**< s since the law changed, */
-  int32_t changed;                     /**< or its inputs, in this cycle */
+  int32_t changed;                     /**< or its inputs, in this cycle; 2: the robot model */
+  truepose_real longest;               /**< s over which another model takes effect at least */
+  int32_t given, exchanged; /**< 1: the identified robot is another (exchange_core.h); was once */
   /* out */
   truepose_real
       error[TRUEPOSE_MOTORS]; /**< output for the drives to reduce: (q_d - q) + correction */
@@ -99,7 +101,6 @@ typedef struct truepose_corrector {
   truepose_outcome outcome;           /**< of this cycle's last call that was not ok */
   truepose_outcome reason;            /**< of the last fault; until reset */
   int32_t symptom[TRUEPOSE_READINGS]; /**< of failed readings; until reset */
-  truepose_real chi2;                 /**< of the readings at their last test */
   truepose_real pose[6];              /**< estimated by the law in effect; held while off */
   truepose_fault_report report;
   truepose_disturbance disturbance; /**< external force; kind 0 while it is not observed */

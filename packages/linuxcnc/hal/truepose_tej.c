@@ -33,6 +33,12 @@
   PIN(ONE, u32, OUT, lines, "lines", 0, tej.pupil.lines)                                 \
   PIN(ONE, u32, OUT, left_out, "lines-left-out", 0, tej.pupil.left_out)                  \
   PIN(ONE, s32, OUT, learner_status, "learner-status", 0, tej.pupil.outcome.status)      \
+  PIN(ONE, port, IN, geometry, "geometry", 0)                                            \
+  PIN(ONE, s32, OUT, geometry_state, "geometry-state", 0, exchange.state)                \
+  PIN(ONE, u32, OUT, geometry_used, "geometry-used", 0, exchange.used)                   \
+  PIN(READING, float, OUT, reading, "reading", 0)                                        \
+  PIN(ONE, bit, OUT, unhealthy, "unhealthy", 1,                                          \
+      !in.referenced || tej.fault != TRUEPOSE_TEJ_NO_FAULT || tej.doubted != 0)          \
   PIN(ONE, bit, IN, safety, "safety", 0)                                                 \
   PIN(ONE, bit, IN, frame_known, "frame-known", 0)                                       \
   PIN(ONE, u32, IN, frame, "frame", 0)                                                   \
@@ -76,10 +82,11 @@
   PIN(ONE, float, IN, band, "band", 0)                                                   \
   PIN(ONE, float, IN, blend, "blend-time", 0.2)                                          \
   PIN(ONE, float, IN, largest, "largest-correction", 5)                                  \
-  PIN(ONE, float, OUT, chi2, "chi2", 0, tej.chi2)                                        \
+  PIN(ONE, float, OUT, chi2, "chi2", 0, tej.pupil.chi2)                                  \
   PIN(ONE, float, IN, largest_chi2, "largest-chi2", 0)
 #include "cycles.h"
 
+#include "exchange_core.h"
 #include "start_core.h"
 
 #include <stdio.h>
@@ -91,6 +98,7 @@ RTAPI_MP_STRING(keep, "file of the identified parameters: read when loaded, writ
 
 static truepose_corrector tej;
 static truepose_starter starter;
+static truepose_exchange exchange;
 static truepose_index seen[TRUEPOSE_SENSORS];
 static uint32_t told_causes; /* of the safety shell, in the log */
 static int32_t told, waits;  /* fault in the log; whether "waiting for an index" is in the log */
@@ -212,6 +220,23 @@ static void start_cycle(const truepose_corrector_input* in, int32_t homed, uint3
   tell_start(in, ended);
 }
 
+/** Takes bytes of a robot from the pin `geometry`. */
+static void receive(const truepose_corrector_input* in) {
+  unsigned char bytes[1024];
+  const uint32_t used = exchange.used, refused = exchange.refused;
+  const hal_port_t port = *pin->geometry;
+  size_t count = port != 0 ? hal_port_readable(port) : 0;
+  if (count > sizeof bytes) count = sizeof bytes;
+  if (count > 0 && !hal_port_read(port, (char*)bytes, count)) count = 0;
+  truepose_exchange_cycle(&exchange, bytes, count, &tej, in);
+  if (exchange.used != used)
+    rtapi_print_msg(RTAPI_MSG_INFO, "truepose_tej: geometry %u is in use\n", exchange.used);
+  if (exchange.refused != refused)
+    rtapi_print_msg(RTAPI_MSG_ERR,
+                    "truepose_tej: geometry refused: %s. The last good one stays in use\n",
+                    exchange.why);
+}
+
 #define TAKE(member) in.member = *pin->member
 
 static void cycle(void* unused, long period) {
@@ -256,7 +281,9 @@ static void cycle(void* unused, long period) {
     *pin->brake[i] = tej.brakes >> i & 1U;
     *pin->pose[i] = tej.pose[i] / pose_scale[i];
   }
+  receive(&in);
   for (int c = 0; c < readings; ++c) {
+    *pin->reading[c] = in.q_e[c] - (c < motors ? tej.homed_by[c] : 0);
     *pin->failed[c] = tej.left_out >> c & 1U;
     *pin->symptom[c] = tej.symptom[c];
   }
@@ -282,6 +309,7 @@ static int remember(void) {
 static int begin(void) {
   static truepose_description commanded;
   if (read_parameters(&tej.table) != 0) return -1;
+  truepose_exchange_begin(&exchange);
   commanded = tej.table.robot;
   if (*keep != '\0' && remember() != 0) return -1;
   if (refused("table", table, truepose_corrector_begin(&tej, &commanded, 1e-6 * period_us)) != 0)

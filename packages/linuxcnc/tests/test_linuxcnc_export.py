@@ -1,13 +1,18 @@
 """Files that `truepose export linuxcnc` writes."""
 
 import configparser
+import ctypes
+import os
 import re
+import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import truepose as tp
+from truepose_linuxcnc import geometry
 from truepose_linuxcnc.configuration import (
     SPEEDS,
     corrections,
@@ -181,3 +186,53 @@ def test_a_slow_sensor_is_refused_by_name():
     slow = tp.Robot(h4.spec.model_copy(update={"sensor": late}))
     with pytest.raises(tp.InputError, match=r"h4: a sensor has `sample_period`.*--sensors"):
         to_table(slow, tp.Controller(), tp.FaultMonitor())
+
+
+def test_a_files_geometry_is_sent_whenever_it_changes_and_again_after_a_bad_file(
+    run, h4, monkeypatch
+):
+    h4.save("first.toml")
+    h4.replace({"chain1.rod": 0.483}).save("last.toml")
+    Path("bad.toml").write_text("name = 'h4")
+    files = iter(["first.toml", "bad.toml", "last.toml", None])
+    sent, followed = [], Path("followed.toml")
+
+    def change(_):
+        """Change the file before the next look, once without a change."""
+        name = next(files, followed)
+        if name == followed:
+            raise KeyboardInterrupt
+        if name is not None:
+            shutil.copy(name, followed)
+            os.utime(followed, ns=(0, len(name)))
+
+    pin = (ctypes.POINTER(ctypes.c_int) * 1)((ctypes.c_int * 1)(1))
+    hal = SimpleNamespace(
+        hal_init=lambda name: 1,
+        hal_malloc=lambda size: ctypes.addressof(pin),
+        hal_pin_port_new=lambda *_: 0,
+        hal_ready=lambda id: 0,
+        hal_exit=lambda id: 0,
+        hal_port_writable=lambda port: 5000,
+        hal_port_write=lambda port, data, size: sent.append(data[:size]) or True,
+    )
+    monkeypatch.setattr(geometry.ctypes, "CDLL", lambda name: hal)
+    monkeypatch.setattr(geometry.time, "sleep", change)
+    status, _, error = run("linuxcnc", "followed.toml")
+    assert status == 0
+    assert "followed.toml: no such file yet" in error
+    assert error.count("the last good geometry stays in use") == 1
+    tables = [
+        to_table(tp.load(name), tp.Controller(), tp.FaultMonitor())
+        for name in ("first.toml", "last.toml")
+    ]
+    assert b"".join(sent) == b"".join(tables)
+
+
+def test_where_linuxcnc_is_not_installed_it_is_said_in_a_line(run, monkeypatch):
+    def missing(name):
+        raise OSError
+
+    monkeypatch.setattr(geometry.ctypes, "CDLL", missing)
+    status, _, error = run("linuxcnc", "h4")
+    assert status == 2 and "LinuxCNC is not installed" in error

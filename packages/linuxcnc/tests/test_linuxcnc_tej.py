@@ -13,9 +13,10 @@ PINS |= {"status": ctypes.c_int, "part": ctypes.c_int}
 PINS |= {"safety-state": ctypes.c_int, "safety-cause": ctypes.c_int, "safety-motor": ctypes.c_int}
 PINS |= {"safety-causes": ctypes.c_uint, "frame": ctypes.c_uint, "fault-code": ctypes.c_int}
 PINS |= {f"start-{n}": ctypes.c_int for n in ("level", "reached", "state", "finding", "part")}
+PINS |= {f"geometry{n}": ctypes.c_int for n in ("", "-state", "-used")}
 BITS = ("start-test", "start-active", "safety", "frame-known", "reset", "stop", "3.brake")
 BITS += ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
-BITS += ("sensor.0.index-enable", "referenced")
+BITS += ("sensor.0.index-enable", "referenced", "unhealthy")
 BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
 
@@ -49,6 +50,7 @@ def tej(hal, ours, tmp_path):
         q = np.degrees(robot.ikm(robot.home))
         motors = [f"{i}.{name}" for i in range(robot.n) for name in ("command", "motor-fb")]
         names = [*motors, *PINS, *BITS, "sensor.0.position", "2.pid-fb", "2.safe-speed"]
+        names += ["0.reading", "sensor.0.reading"]
         names += [f"pose.{k}" for k in range(robot.n)]
         module.knows(*(f"truepose_tej.{name}" for name in names))
         loaded = Tej(module, hal.stub_run)
@@ -99,6 +101,44 @@ def test_what_was_learnt_is_kept_for_the_same_table_alone(tej, h4, tmp_path, cap
     kept.write_bytes(kept.read_bytes()[:9000])
     assert answer(tej(h4, keep=str(kept))) == drawn
     assert "ends too early" in capfd.readouterr().err
+
+
+def test_geometry_that_a_pin_brings_is_used_at_work_and_bad_bytes_are_refused(hal, tej, h4, capfd):
+    module = tej(h4)
+    module["geometry"] = 1  # the stub's port
+    before = answer(module)
+    assert not module["unhealthy"]
+    assert module["0.reading"] == pytest.approx(np.radians(module["0.motor-fb"]))
+    assert module["sensor.0.reading"] == pytest.approx(np.radians(module["sensor.0.position"]))
+
+    def given(data):
+        hal.stub_send(data, len(data))
+        steps, last = [], module["2.pid-fb"]
+        for _ in range(3000):
+            module.run(1)
+            steps.append(abs(module["2.pid-fb"] - last))
+            last = module["2.pid-fb"]
+        return max(steps), last - module["2.command"]
+
+    def table(robot):
+        return to_table(robot, tp.Controller(), tp.FaultMonitor())
+
+    longer = h4.replace({"chain3.rod": h4.spec.chain[2].rod + 1e-3})
+    step, after = given(table(longer))
+    assert (module["geometry-state"], module["geometry-used"]) == (3, 1)
+    assert step <= 0.1 * np.degrees(h4.resolution[2])
+    assert abs(after - before) > 20 * step
+    assert capfd.readouterr().err == ""
+    for data, state, says in (
+        (table(longer)[:20_000], 4, "ends too early"),
+        (b"G0 X0" * 100, 4, "is no table of truepose export linuxcnc"),
+        (table(tp.load("par4")), 5, "is of another robot"),
+        (table(h4.with_sensors("theta", "z_telemeter")), 5, "has other sensors"),
+    ):
+        assert given(data) == (0, after)
+        assert (module["geometry-state"], module["geometry-used"]) == (state, 1)
+        error = capfd.readouterr().err
+        assert says in error and error.count("The last good one stays in use") == 1
 
 
 def test_faults_and_an_index_that_is_waited_for_are_said_once(tej, h4, capfd):

@@ -55,14 +55,14 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
     >>> from truepose_linuxcnc.configuration import to_table
     >>> table = to_table(tp.load("five-bar"), tp.Controller(law="joint"), tp.FaultMonitor())
     >>> table[:12]
-    b'trueposerobt'
+    b'trueposename'
     """
     if delays.settings(robot, controller.period) is not None:
         raise InputError(
             f"{robot.name}: a sensor has `sample_period` or `latency`, which LinuxCNC's components "
             "do not support: choose other sensors (--sensors)"
         )
-    blocks = {b"robt": bytes(robot.core)}
+    blocks = {b"name": robot.name.encode()[:32].ljust(32, b"\0"), b"robt": bytes(robot.core)}
     if robot.r:
         known = in_control(robot)
         if len(known.column) > _PARAMETERS:
@@ -78,7 +78,11 @@ def to_table(robot: Robot, controller: Controller, monitor: FaultMonitor) -> byt
             b"root": known.root.tobytes(),
         }
     rows = [name + struct.pack("=I", len(block)) + block for name, block in blocks.items()]
-    return b"truepose" + b"".join(rows)
+    table = b"truepose" + b"".join(rows) + b"mark" + struct.pack("=I", 8)
+    mark = 14695981039346656037  # FNV-1a
+    for byte in table:
+        mark = (mark ^ byte) * 1099511628211 % 2**64
+    return table + struct.pack("=Q", mark)
 
 
 def _speeds(unit: str) -> dict[str, float]:

@@ -1,4 +1,6 @@
 // LinuxCNC's components. Without LinuxCNC: their cores.
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <memory>
 
@@ -6,6 +8,7 @@
 #include "tests/cpp/mechanisms.hpp"
 
 extern "C" {
+#include "../../hal/exchange_core.h"
 #include "../../hal/geometry.h"
 #include "../../hal/plant_core.h"
 #include "../../hal/tej_core.h"
@@ -141,6 +144,43 @@ struct Loop {
   truepose_corrector_input in{};
   int32_t fault[kMaxReadings] = {};
   truepose_real size[kMaxReadings] = {};
+};
+
+using Bytes = std::vector<unsigned char>;
+/// The bytes of a machine's own table, changed.
+template <class Change>
+Bytes bytes_of(const Loop& loop, Change change) {
+  const auto table = std::make_unique<truepose_table>(loop.corrector->table);
+  table->known.column = table->column;
+  table->known.root = table->root;
+  change(*table);
+  const char* const path = "given.table";
+  CHECK(truepose_write_table(path, table.get()) == nullptr);
+  std::ifstream file(path, std::ios::binary);
+  Bytes bytes{std::istreambuf_iterator<char>(file), {}};
+  std::remove(path);
+  return bytes;
+}
+
+/// A machine whose controller takes geometry while it runs.
+struct Exchange : Loop {
+  Exchange(const Robot& robot, double longer, Prior& prior) : Loop(robot, longer, &prior) {
+    truepose_exchange_begin(exchange.get());
+    in.learnt = 1;
+    in.chi2 = 15.1;
+  }
+  /// @return the largest change of the correction in a cycle, rad or m
+  double give(const Bytes& bytes, int cycles = 20, const truepose_real* speed = nullptr) {
+    double step = 0;
+    for (std::size_t k = 0; k < bytes.size() || cycles-- > 0; k += 1000) {
+      const std::size_t count =
+          k < bytes.size() ? std::min<std::size_t>(1000, bytes.size() - k) : 0;
+      step = std::max(step, run(1, speed));
+      truepose_exchange_cycle(exchange.get(), bytes.data() + k, count, corrector.get(), &in);
+    }
+    return step;
+  }
+  std::unique_ptr<truepose_exchange> exchange = std::make_unique<truepose_exchange>();
 };
 
 /// What a ramp of 0.2 s over a correction moves in a cycle: its quintic's steepest part.
@@ -326,7 +366,7 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
     loop.run(1);
     CHECK_NEAR(apart(error, std::to_array(loop.corrector->error)), 0, 1e-6);  // no drive steps
     loop.run(600);
-    CHECK((loop.corrector->chi2 < loop.in.chi2) == right);
+    CHECK((loop.corrector->pupil.chi2 < loop.in.chi2) == right);
     const int fault = right ? TRUEPOSE_TEJ_NO_FAULT : TRUEPOSE_TEJ_HOMING;
     CHECK(loop.corrector->fault == fault);
     CHECK(loop.corrector->law == (right ? TRUEPOSE_LAW_TEJ : TRUEPOSE_LAW_JOINT));
@@ -544,6 +584,130 @@ TEST("at rest the robot is learnt, the law goes by it without a step, and it can
     CHECK(again->table.root[0] < prior.known().root[0]);
     std::remove(path);
   }
+}
+
+TEST("geometry that arrives is used without a jump: a tenth of a count a cycle") {
+  constexpr double kCount = 4.4e-4, kTheta = 1.1e-4, kLonger = 0.003;
+  const Mechanism mechanism = h4();
+  for (const int law :
+       {TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN, TRUEPOSE_LAW_WEIGHTED, TRUEPOSE_LAW_ESTIMATED})
+    for (const bool counts : {false, true}) {
+      Prior prior(mechanism.robot);
+      Exchange loop(mechanism.robot, kLonger, prior);
+      loop.counts(kCount, kTheta);
+      for (int c = 0; c <= loop.n; ++c)
+        loop.corrector->table.known.sigma[c] = c < loop.n ? kCount : kTheta;
+      loop.plant->coarse = counts;
+      loop.in.law = law;
+      loop.go({0.05, 0.05, -0.42, 0.2});
+      loop.run(1000);
+      const double dither = loop.run(500);
+      const Correction before = loop.correction();
+      const Bytes bytes = bytes_of(loop, [&](truepose_table& table) {
+        for (truepose_description* robot : {&table.robot, &table.finest})
+          robot->chain[loop.n - 1].rod += kLonger;
+        const int p = table.known.count;
+        for (int k = 0; k < p * p; ++k) table.root[k] /= 100;
+      });
+      const double step = loop.give(bytes, 4000);
+      CHECK(loop.exchange->state == TRUEPOSE_EXCHANGE_USED && loop.exchange->used == 1);
+      CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
+      CHECK(apart(before, loop.correction()) > 5 * kCount);
+      if (!counts) CHECK(dither < 1e-9 && step <= 0.1 * kCount + 1e-9);
+      if (counts) CHECK(step < 1.1 * dither + 0.1 * kCount);
+      Coordinates x{0.05, 0.05, -0.42, 0.2};
+      for (int i = 0; i < loop.n && !counts; ++i) CHECK_NEAR(loop.plant->x[i], x[i], 1e-7);
+      loop.in.learnt = 0;  // back to the exported robot
+      CHECK(loop.give({}, 4000) < (counts ? 1.1 * dither : 0) + 0.1 * kCount + 1e-9);
+      if (!counts && law < TRUEPOSE_LAW_WEIGHTED) CHECK(apart(before, loop.correction()) < 1e-8);
+      loop.in.learnt = 1;
+      loop.in.learn = 1;  // its own calibration began from another robot: it stays off
+      loop.in.rest = 0.05;
+      loop.give({}, 4000);
+      CHECK(loop.corrector->pupil.lines == 0);
+      for (int i = 0; i < loop.n && !counts; ++i) CHECK_NEAR(loop.plant->x[i], x[i], 1e-7);
+    }
+}
+
+TEST("geometry that is no good is refused, and the last good one stays") {
+  const Mechanism mechanism = h4();
+  Prior prior(mechanism.robot);
+  Exchange loop(mechanism.robot, 5e-4, prior);
+  truepose_exchange& exchange = *loop.exchange;
+  loop.in.law = TRUEPOSE_LAW_WEIGHTED;
+  loop.run(1000);
+  const auto surely = [](truepose_table& table) {
+    for (int k = 0; k < table.known.count * table.known.count; ++k) table.root[k] /= 1e4;
+  };
+  const auto right = [&](truepose_table& table) {
+    surely(table);
+    table.finest.chain[loop.n - 1].rod += 5e-4;
+  };
+  loop.give(bytes_of(loop, right), 1000);
+  CHECK(exchange.used == 1);
+  const Correction good = loop.correction();
+  const auto refused = [&](const Bytes& bytes) {
+    const double step = loop.give(bytes, 2 * 1000);
+    CHECK(exchange.used == 1 && step < 1e-9 && apart(good, loop.correction()) < 1e-9);
+    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_WEIGHTED);
+    CHECK(exchange.why != nullptr);
+    return exchange.state;
+  };
+  const auto changed = [&](auto change) {
+    return refused(bytes_of(loop, [&](truepose_table& table) {
+      right(table);
+      change(table);
+    }));
+  };
+  const Bytes bytes = bytes_of(loop, right);
+  for (const std::size_t count : {std::size_t{3}, std::size_t{2000}, bytes.size() - 1})
+    CHECK(refused(Bytes(bytes.begin(), bytes.begin() + count)) == TRUEPOSE_EXCHANGE_INVALID);
+  for (std::size_t at = 0; at < bytes.size(); at += bytes.size() / 13) {
+    Bytes damaged = bytes;
+    damaged[at] ^= 1;
+    CHECK(refused(damaged) == TRUEPOSE_EXCHANGE_INVALID);
+  }
+  using Table = truepose_table;
+  CHECK(changed([](Table& table) { table.finest.chain[1].rod = kNaN; }) ==
+        TRUEPOSE_EXCHANGE_INVALID);
+  CHECK(changed([](Table& table) { table.finest.chain[1].rod = 9; }) == TRUEPOSE_EXCHANGE_INVALID);
+  CHECK(changed([](Table& table) { table.robot.abi = 1, table.finest.abi = 1; }) ==
+        TRUEPOSE_EXCHANGE_INVALID);
+  CHECK(changed([](Table& table) { table.name[0] = 'x'; }) == TRUEPOSE_EXCHANGE_OTHER);
+  CHECK(changed([](Table& table) { table.finest.sensor[0].kind = TRUEPOSE_COORDINATE; }) ==
+        TRUEPOSE_EXCHANGE_OTHER);
+  CHECK(changed([](Table& table) { table.finest.sensors = 0; }) == TRUEPOSE_EXCHANGE_OTHER);
+  CHECK(changed([](Table& table) { table.root[0] = kNaN; }) == TRUEPOSE_EXCHANGE_READINGS);
+  CHECK(changed([](Table& table) { table.known.sigma[4] = kNaN; }) == TRUEPOSE_EXCHANGE_READINGS);
+  CHECK(changed([](Table& table) { table.column[0] = 5000; }) == TRUEPOSE_EXCHANGE_READINGS);
+  CHECK(changed([](Table& table) { table.finest.chain[2].rod += 1e-3; }) ==
+        TRUEPOSE_EXCHANGE_READINGS);
+  std::fill_n(loop.in.largest, TRUEPOSE_MOTORS, 1.01 * loop.largest_correction());
+  CHECK(changed([](Table& table) {
+          for (truepose_chain& chain : table.finest.chain) chain.rod += 5e-3;
+        }) == TRUEPOSE_EXCHANGE_CORRECTION);
+  std::fill_n(loop.in.largest, TRUEPOSE_MOTORS, 0.2);
+  loop.in.learn = 1;
+  CHECK(refused(bytes) == TRUEPOSE_EXCHANGE_LEARNS);
+  loop.in.learn = 0;
+  // One that waits for valid readings is replaced by a newer one.
+  loop.fault[loop.n] = TRUEPOSE_PLANT_MISSING;
+  loop.give(bytes, 100);
+  CHECK(exchange.state == TRUEPOSE_EXCHANGE_TESTED && exchange.used == 1);
+  loop.fault[loop.n] = TRUEPOSE_PLANT_HEALTHY;
+  loop.run(10);
+  loop.in.reset = 1;
+  loop.run(1);
+  loop.in.reset = 0;
+  Bytes two = bytes;
+  const Bytes other = bytes_of(loop, [&](Table& table) {
+    right(table);
+    table.name[1] = 'x';
+  });
+  two.insert(two.begin(), other.begin(), other.end());
+  loop.give(two, 1000);
+  CHECK(exchange.state == TRUEPOSE_EXCHANGE_USED && exchange.used == 2);
+  CHECK(apart(good, loop.correction()) < 1e-9);
 }
 
 TEST("memory holds what the largest robot learns, as many parameters as a table has") {

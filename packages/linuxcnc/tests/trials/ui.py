@@ -242,6 +242,14 @@ def run(job, machine):
             if line.startswith("setp "):
                 setp(*line.split()[1:])
                 continue
+            if line.startswith("sh "):
+                subprocess.Popen(line[3:], shell=True, cwd=HERE)
+                continue
+            if line.startswith("wait "):
+                _, name, least = line.split()
+                end = int(least) + (value(name) if least[0] == "+" else 0)
+                machine.wait(lambda: value(name) >= end, line)  # noqa: B023
+                continue
             machine.go(line)
             found["shown"].append(list(machine.state.actual_position))
             look()
