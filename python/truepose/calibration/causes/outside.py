@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truepose import _core
 from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
@@ -40,7 +41,7 @@ class View:
     """Motors' poses of a log, and the distance of outside measurements from them."""
 
     def __init__(self, case: Case):
-        robot = case.robot.expected()
+        self.robot = robot = case.robot.expected()
         self.names, self.angle = case.log.outside_names(robot), angles(robot)
         self.by = registration_of(case.options.registration)
         self.x = poses_of(robot, case.log.readings[:, : robot.m])
@@ -54,52 +55,23 @@ class View:
 
     def distance(self, measured: Array) -> float:
         """Return the median distance of positions plus that of angles, over their spreads."""
+        marker = map(bool, self.by.marker_sigma)
+        frames = _core.registered(
+            self.robot.core, *self.by.begin(), self.unknown, *marker, self.x, measured
+        )
+        frames = (np.ravel(frame) for frame in frames)
+        off = _core.seen(self.robot.core, *frames, self.x, measured)[1]
         total = 0.0
-        good = finite_rows(self.x)
-        place = np.flatnonzero(~self.angle)
-        base = self.by.begin()[0]
-        R = base[:3, :3]
-        some = good & finite_rows(measured[:, place])
-        if len(place) and some.sum() >= 4:
-            p, D = (
-                np.pad(v[some][:, place], ((0, 0), (0, 3 - len(place)))) for v in (measured, self.x)
-            )
-            if self.unknown:
-                p, D = p - np.median(p, axis=0), D - np.median(D, axis=0)
-                R = nearest(p.T @ D)
-            else:
-                p = p - base[:3, 3]
-            total += _share(np.linalg.norm(p - D @ R.T, axis=1), D)
-        some = good & finite_rows(measured[:, self.angle])
-        if not self.angle.any() or some.sum() < 4:
-            return total
-        a, x = measured[some][:, self.angle], self.x[some][:, self.angle]
-        if not self.spatial:
-            seen = x
-            if self.moving:  # θ: of the platform's x axis about the measurement's z
-                axis = R @ frames.rotation(x * [0.0, 0.0, 1.0])[:, :, :1]
-                seen = np.arctan2(axis[:, 1], axis[:, 0])
-            turn = np.remainder(a - seen + np.pi, 2 * np.pi) - np.pi
-            turn -= np.median(turn, axis=0) if self.unknown else 0.0
-            return total + _share(np.linalg.norm(turn, axis=1), x)
-        Q, turns, M = frames.rotation(a), frames.rotation(x), np.eye(3)
-        for _ in range(3 if any(self.by.marker_sigma) else 0):
-            M = nearest((np.swapaxes(R @ turns, 1, 2) @ Q).sum(axis=0))
-            if self.unknown:
-                R = nearest((Q @ np.swapaxes(turns @ M, 1, 2)).sum(axis=0))
-        apart = frames.rotation_vector(np.swapaxes(R @ turns @ M, 1, 2) @ Q)
-        return total + _share(np.linalg.norm(apart, axis=1), x)
-
-
-def nearest(A: Array) -> Array:
-    """Return the rotation nearest to a matrix."""
-    U, _, V = np.linalg.svd(A)
-    return np.asarray(U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V)
-
-
-def _share(distance: Array, values: Array) -> float:
-    spread = np.median(np.linalg.norm(values - np.median(values, axis=0), axis=1))
-    return float(np.median(distance) / max(spread, 1e-9))
+        for which in (~self.angle, self.angle):
+            some = finite_rows(off[:, which])
+            if which.any() and some.sum() >= 4:
+                x = self.x[some][:, which]
+                spread, by = (
+                    np.median(np.linalg.norm(of, axis=1))
+                    for of in (x - np.median(x, axis=0), off[some][:, which])
+                )
+                total += float(by / max(spread, 1e-9))
+        return total
 
 
 def nearer(
