@@ -94,7 +94,7 @@ def nearer(
         of = every[k]
         log = replace(case.log, measured=of.measured, euler=None, form="")
         odds = LN_RATE - math.log(len(every))
-        yield Hypothesis(text=of.text, log=log, robot=case.robot, log_odds=odds, density=of.density)
+        yield case.stated(of.text, log=log, log_odds=odds, density=of.density)
 
 
 def axes(case: Case) -> Iterator[Hypothesis]:
@@ -104,13 +104,8 @@ def axes(case: Case) -> Iterator[Hypothesis]:
         return
     known, view.by, view.unknown = view.distance(case.log.measured), Registration(), True
     if view.distance(case.log.measured) < NEARER * known:
-        yield Hypothesis(
-            text=f"{', '.join(view.names)}: in a frame of their own, not the base's: "
-            "registration unknown",
-            log=case.log,
-            robot=case.robot,
-            registration=view.by,
-        )
+        text = "in a frame of their own, not the base's: registration unknown"
+        yield case.stated(f"{', '.join(view.names)}: {text}", registration=view.by)
 
 
 def _axes(view: View, given: Array) -> Iterator[Candidate]:
@@ -223,7 +218,7 @@ def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
         if not which.any() or not np.isfinite(raw).any():
             continue
         names = ", ".join(np.array(view.names)[which])
-        for factor, text in UNITS[angle].items():
+        for factor, text in UNITS["rad" if angle else "m"].items():
             moved = given.copy()
             if angle and case.log.euler is not None:
                 read = finite_rows(case.log.euler)

@@ -1,6 +1,5 @@
 """Mistakes in a log's rows: shifted, stuck, slipped, gross errors."""
 
-import functools
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -35,17 +34,15 @@ HALVES, TRIMS = 3, 10
 
 def shifted(case: Case) -> Iterator[Hypothesis]:
     """The rows of one column, or of all sensors, shifted against the others."""
-    width, n = len(case.log.names), case.robot.m
-    for which in dict.fromkeys([*((k,) for k in range(width)), tuple(range(n, width))]):
-        k, name = list(which), case.named(which)
-        its = "its" if len(which) == 1 else "their"
+    width, count = len(case.log.names), len(case.log.readings)
+    for which in (*np.eye(width, dtype=bool), np.arange(width) >= case.robot.m):
+        its = "its" if which.sum() == 1 else "their"
         for by in (*range(-SHIFTS, 0), *range(1, SHIFTS + 1)):
-            if abs(by) >= len(case.log.readings):
-                continue
-            readings = case.log.readings.copy()
-            readings[:, k] = later(readings[:, k], by)
-            text = f"{name}: {its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
-            yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
+            if which.any() and abs(by) < count:
+                readings = np.where(which, later(case.log.readings, by), case.log.readings)
+                said = f"{its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
+                odds = LN_RATE - math.log(2 * SHIFTS)
+                yield case.with_readings(readings, f"{case.named(which)}: {said}", log_odds=odds)
 
 
 def later(values: Array, by: int) -> Array:
@@ -79,7 +76,7 @@ def stuck(case: Case) -> Iterator[Hypothesis]:
             continue
         readings = case.log.readings.copy()
         readings[lost, k] = np.nan
-        yield case.with_readings(readings, text=stuck_at(case.log, k, lost))
+        yield case.with_readings(readings, stuck_at(case.log, k, lost))
 
 
 def slipped(case: Case) -> Iterator[Hypothesis]:
@@ -87,21 +84,15 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
     count = len(case.log.readings)
     after = np.arange(count) >= np.arange(1, count)[:, None]
     for which, row, step in steps(case, after):
-        columns = np.asarray(step.influences[-1].pattern)[-1]
         yield replace(
             step,
-            text=f"{which}: slipped before {case.log.at([row + 1])}, by",
-            log_odds=LN_RATE - math.log(count) - ALIKE * ("," in which),
-            reads=functools.partial(_moved, columns),
+            text=f"{case.named(which)}: slipped before {case.log.at([row + 1])}, by",
+            log_odds=LN_RATE - math.log(count) - ALIKE * (which.sum() > 1),
+            lasts=which,
         )
 
 
-def _moved(columns: Array, by: float) -> tuple[Array, Array]:
-    """Return factor and shift of readings that moved by an amount."""
-    return np.ones(len(columns)), by * columns
-
-
-def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
+def steps(case: Case, masks: Array) -> Iterator[tuple[Array, int, Hypothesis]]:
     """Yield columns, the number of the mask whose step in these is likeliest, and the step.
 
     `masks`, (S, N), are the rows with the step. Columns are each alone, and those of a kind alike.
@@ -109,19 +100,16 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     linear = case.linear
     if linear is None or len(case.log.readings) < 4 or not len(masks) or not len(linear.rows.y):
         return
-    read = np.ma.masked_invalid(case.log.readings)
-    spans = np.ma.ptp(read, axis=0).filled(0.0)
-    rows, units = linear.rows, reading_units(case.robot)
+    spans = np.ma.ptp(np.ma.masked_invalid(case.log.readings), axis=0).filled(0.0)
+    rows, units = linear.rows, np.array(reading_units(case.robot))
     parts = np.array_split(linear.by_row(masks.T).T, 1 + len(masks) * len(rows.y) // PART)
     for which in alone_and_alike(case.robot):
-        amount = max(float(spans[list(which)].max()) / 5, 1e-6)
-        d = (rows.D / linear.sigma)[:, list(which)].sum(axis=1) * amount
+        amount = max(float(spans[which].max()) / 5, 1e-6)
+        d = rows.D @ (which * amount / linear.sigma)
         found = [linear.weigh(list((part * d)[..., None]))[0, 1:] for part in parts]
         best = int(np.concatenate(found).argmax())
-        pattern = np.outer(masks[best], np.isin(np.arange(len(case.log.names)), which))
-        size = Size(units[which[0]])
-        step = case.with_pattern(pattern.astype(float), amount, text="", size=size)
-        yield case.named(which), best, step
+        pattern = np.outer(masks[best], which).astype(float)
+        yield which, best, case.with_pattern(pattern, amount, "", size=Size(units[which][0]))
 
 
 def sided(case: Case) -> Iterator[Hypothesis]:
@@ -160,7 +148,7 @@ def sided(case: Case) -> Iterator[Hypothesis]:
     masks = np.array([mask for mask, _ in found.values()])
     texts = [text for _, text in found.values()]
     for which, k, step in steps(case, masks):
-        text = f"{which}: reads otherwise {texts[k]}, by"
+        text = f"{case.named(which)}: reads otherwise {texts[k]}, by"
         yield replace(step, text=text, log_odds=LN_RATE - math.log(len(masks)))
 
 
@@ -222,7 +210,7 @@ def _without(case: Case, bad: Array) -> Hypothesis:
     """Return the hypothesis that the sensors and outside coordinates of some rows say nothing."""
     sensors = np.arange(case.log.readings.shape[1]) >= case.robot.m
     kept = np.where(bad[:, None] & sensors, np.nan, case.log.readings)
-    of = case.with_readings(kept, text="")
+    of = case.with_readings(kept, "")
     if case.log.measured is None:
         return of
     outside = np.where(bad[:, None], np.nan, case.log.measured)
