@@ -124,11 +124,10 @@ def search(
     base = case.fit(none)
     if base is not None and not always and consistent(base, DOUBT) and suspicion(base) < DECISIVE:
         return Search(Causes("none"), [], base)
-    some = _some(case)
-    log = case.log if some is None else case.log.only(some)
-    most = _equations(case.robot, log)
-    begun = base if some is None else case.fit(none, some)
-    own = -GROSS * (most + case.robot.m * len(log.readings))
+    some, count = _some(case), len(case.log.readings)
+    most = _equations(case.robot, case.log.only(some))
+    begun = base if len(some) == count else case.fit(none, some)
+    own = -GROSS * (most + case.robot.m * len(some))
     own = own if begun is None else evidence(begun, none, most)
 
     def explained(tried: list[Hypothesis], steps: int) -> list[Explained]:
@@ -152,7 +151,7 @@ def search(
         for after in (case.under(each.of) for each in causing[:SECOND]):
             found += explained([after.beside(of) for of in _tried(after)[0]], QUICK)
         found = _once(found)
-    if some is not None:  # the most probable ones by every row
+    if len(some) < count:  # the most probable ones by every row
         found = [
             each._replace(fit=fit)
             for each in found[:AGAIN]
@@ -207,7 +206,7 @@ def vague(found: Explained) -> bool:
 
 
 def _persisting(
-    case: Case, base: Calibration | None, found: list[Explained], rows: Array | None
+    case: Case, base: Calibration | None, found: list[Explained], rows: Array
 ) -> list[Explained]:
     """Return errors that persist over rows as an explanation, where slips are the likeliest.
 
@@ -248,11 +247,11 @@ def _once(found: list[Explained]) -> list[Explained]:
     return sorted(said.values(), key=lambda each: -each.log_odds)
 
 
-def _some(case: Case) -> Array | None:
-    """Return blocks of consecutive rows of a long log; None where all rows are searched."""
+def _some(case: Case) -> Array:
+    """Return the rows that are searched: all, or blocks of consecutive ones of a long log."""
     count = len(case.log.readings)
     if count <= ROWS or case.differences:
-        return None
+        return np.arange(count)
     starts = np.linspace(0, count - BLOCK, ROWS // BLOCK).astype(int)
     return np.unique(starts[:, None] + np.arange(BLOCK))
 
@@ -326,7 +325,7 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
 
     A row without a pose counts most.
     """
-    m, readings, model = case.robot.m, case.log.readings, case.robot.expected()
+    m, readings, model = case.robot.m, case.log.readings, case.robot.expected().stiff
     read = np.flatnonzero(finite_rows(readings[:, :m]))
     rows = read[np.linspace(0, len(read) - 1, min(len(read), COMPARED)).astype(int)]
     usual = model.extended_positions(samples_or_home(model, 20), errors="nan")
@@ -336,7 +335,7 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
     for of in every:
         log = of.log.only(rows)
         x = poses_of(model, log.readings[:, :m])
-        expected = _core.extended(model.stiff.core, x, False)[0]
+        expected = model.extended_positions(x, errors="nan")
         off = _core.innovation(model.core, log.readings, expected)[0][:, m:]
         each = np.nan_to_num(np.log1p((off / sigma) ** 2), nan=WORST)
         each = each[np.isfinite(log.readings[:, m:])] if model.r else WORST * np.isnan(x[:, 0])
