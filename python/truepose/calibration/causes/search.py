@@ -132,10 +132,11 @@ def search(
 
     def explained(tried: list[Hypothesis], steps: int) -> list[Explained]:
         found = []
-        for k, of in enumerate(tried):
-            progress(k / len(tried))
+        progress(0.0)
+        for k, of in enumerate(tried, 1):
             if (fit := case.fit(of, some, iterations=steps)) is not None:
                 found.append(Explained(of, fit, evidence(fit, of, most) - own))
+            progress(k / (len(tried) + 1))
         return found
 
     likely, rest = _tried(case)
