@@ -64,7 +64,7 @@ auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix
   return weigh({B, y, D, line}, {C, end}, by);
 }
 
-/// Base and marker that suit measurements at roughly known poses, NaN without one; see `registered`.
+/// Start of a registration by roughly known poses, NaN without one; see `registered`.
 auto run_registered(const Robot& robot, const Frame& base, const Frame& marker, bool moved,
                     bool movable, bool turning, const Rows& x, const Rows& measured) {
   std::vector<Pose> pose;

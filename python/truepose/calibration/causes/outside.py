@@ -55,12 +55,10 @@ class View:
 
     def distance(self, measured: Array) -> float:
         """Return the median distance of positions plus that of angles, over their spreads."""
-        marker = map(bool, self.by.marker_sigma)
-        frames = _core.registered(
-            self.robot.core, *self.by.begin(), self.unknown, *marker, self.x, measured
-        )
-        frames = (np.ravel(frame) for frame in frames)
-        off = _core.seen(self.robot.core, *frames, self.x, measured)[1]
+        core, (place, turn) = self.robot.core, self.by.marker_sigma
+        known = *self.by.begin(), self.unknown, place > 0, turn > 0
+        base, marker = _core.registered(core, *known, self.x, measured)
+        off = _core.seen(core, base.ravel(), marker.ravel(), self.x, measured)[1]
         total = 0.0
         for which in (~self.angle, self.angle):
             some = finite_rows(off[:, which])

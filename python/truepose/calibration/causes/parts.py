@@ -107,13 +107,13 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
     robot = case.robot.expected()
     if not lean.gravity_referred(robot).any():
         return
-    x = poses_of(robot, case.log.readings[:, : robot.m])
+    x, linear = poses_of(robot, case.log.readings[:, : robot.m]), case.linear
     for axis in range(2):
         of = _leaning(case, x, axis, 0.0)
         if np.abs(np.asarray(of.influences[0].pattern)).max(initial=0) < 1e-3:
             continue
-        by = case.linear and case.linear.columns(of)
-        less = by is not None and np.diff(case.linear.weigh([by]))[0] < 0
+        by = linear.columns(of) if linear else None
+        less = linear and by is not None and np.diff(linear.weigh([by]))[0] < 0
         for _ in range(0 if less else AGAIN):  # about the lean that was found
             if (fit := case.fit(of)) is None or (size := of.measured(fit)) is None:
                 break

@@ -222,11 +222,11 @@ def _persisting(
         fit = replace(case, keeps_rows=True).fit(each.of, rows)
         if fit is None or fit.rows is None:
             continue
-        B, *others, _, acting = fit.rows
+        B, y, D, line, _, acting = fit.rows
         for slip in slips:
             own = np.zeros(B.shape[1], dtype=bool)
             own[acting[list(fit.influences).index(slip.influences[-1].name)]] = True
-            both = _core.weigh(B[:, ~own], *others, B[:, own], np.ones(1, dtype=int), PERSISTING)
+            both = _core.weigh(B[:, ~own], y, D, line, B[:, own], np.array([1]), PERSISTING)
             odds = slip.log_odds - (slip.first.log_odds if slip.first else 0.0)
             over.append(float(np.diff((both + rate).max(axis=0))[0]) + odds)
     if base is None or not over:
@@ -336,7 +336,7 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
     for of in every:
         log = of.log.only(rows)
         x = poses_of(model, log.readings[:, :m])
-        expected = model.extended_positions(x, errors="nan")
+        expected = _core.extended(model.core, x, False)[0]
         off = _core.innovation(model.core, log.readings, expected)[0][:, m:]
         each = np.nan_to_num(np.log1p((off / sigma) ** 2), nan=WORST)
         each = each[np.isfinite(log.readings[:, m:])] if model.r else WORST * np.isnan(x[:, 0])
