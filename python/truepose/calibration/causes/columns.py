@@ -120,13 +120,12 @@ def _orders(count: int) -> list[tuple[int, ...]]:
     own = tuple(range(count))
     if count <= 4:
         return list(itertools.permutations(own))[1:]
-    found = {own[k:] + own[:k] for k in range(1, count)} | {own[::-1]}
-    for some in (of for size in (2, 3) for of in itertools.permutations(own, size)):
-        other = list(own)
-        for at, held in zip(some, some[1:] + some[:1], strict=True):
-            other[at] = held
-        found.add(tuple(other))
-    return sorted(found)
+    found = {own[k:] + own[:k] for k in own} | {own[::-1]}
+    for some in itertools.combinations(own, 3):
+        for held in itertools.permutations(some):
+            moved = dict(zip(some, held, strict=True))
+            found.add(tuple(moved.get(k, k) for k in own))
+    return sorted(found - {own})
 
 
 def reordered(names: Sequence[str], held: Sequence[str]) -> str:
