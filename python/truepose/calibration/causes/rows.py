@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -156,7 +157,8 @@ def gross(case: Case) -> Iterator[Hypothesis]:
     count = np.isfinite(log.readings[:, case.robot.m :]).sum(axis=1)
     if log.measured is not None:
         count = count + np.isfinite(log.measured).sum(axis=1)
-    fit, read = replace(case, options=robust).fit(case.nothing()), count > 0
+    with warnings.catch_warnings(action="ignore"):  # of poses that a robust fit may go through
+        fit, read = replace(case, options=robust).fit(case.nothing()), count > 0
     if fit is None or not read.any():
         return
     limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
