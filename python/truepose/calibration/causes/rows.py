@@ -88,7 +88,7 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
         yield replace(
             step,
             text=f"{case.named(which)}: slipped before {case.log.at([row + 1])}, by",
-            log_odds=LN_RATE - math.log(count) - ALIKE * (which.sum() > 1),
+            log_odds=LN_RATE - math.log(count) - (ALIKE if which.sum() > 1 else 0.0),
             lasts=which,
         )
 
