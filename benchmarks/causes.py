@@ -46,6 +46,13 @@ HEALTHY = {
     "exechon": ("exechon", ()),
     "linear-delta": ("linear-delta", ("z_telemeter",)),
     "hexa": ("hexa", ("z_telemeter", "elbow1", "elbow4")),
+    "hexaglide": ("hexaglide", ("z_telemeter",)),
+    "3rps": ("3rps", ()),
+    "spherical": ("spherical", ()),
+    "neck": ("neck", ()),
+    "3rpr": ("3rpr", ("theta",)),
+    "3rrr": ("3rrr", ("theta",)),
+    "4rrr": ("4rrr", ("theta",)),
 }
 POSES, SEEN = 60, 18.0
 #: What a mistake does to the readings in place; and with what the right cause's words begin.

@@ -134,9 +134,9 @@ class Calibrator {
     if (first < 0 || !log_.measured) return log_.registration;
     // An unknown marker position includes x, an unknown turn the one about the platform's z.
     const int place = first + 6, turn = first + kRegistration - 1;
-    return registered(robot_.mobility, log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
-                      log_.count - log_.referenced, at.pose.data(), result_.status.data(),
-                      log_.measured);
+    return registered(robot_.mobility, log_.registration, S_(first, first) > 0,
+                      S_(place, place) > 0, S_(turn, turn) > 0, log_.count - log_.referenced,
+                      at.pose.data(), result_.status.data(), log_.measured);
   }
 
   /// Finds poses of rows without one, from the motors. @return whether there is a new one

@@ -141,8 +141,9 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
 }  // namespace truepose::registration_detail
 
 namespace truepose {
-Registration registered(Mobility mobility, const Registration& known, bool movable, bool turning,
-                        int count, const Pose* pose, const Status* status, const double* measured) {
+Registration registered(Mobility mobility, const Registration& known, bool moved, bool movable,
+                        bool turning, int count, const Pose* pose, const Status* status,
+                        const double* measured) {
   if (is_rotational(mobility) || is_mechanism(mobility)) return known;
   std::vector<registration_detail::Pair> pairs;
   Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
@@ -157,7 +158,7 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
     if (to.allFinite()) pairs.push_back({from, to, k});
   }
   Registration result = known;
-  result.base = {shift, Mat3::Identity()};
+  if (moved) result.base = {shift, Mat3::Identity()};
   for (int round = 0; round < 50 && !pairs.empty(); ++round) {
     double total = 0;
     Vec3 from = Vec3::Zero(), to = Vec3::Zero();
@@ -171,11 +172,17 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
     from *= 1 / total;
     to *= 1 / total;
     turn = (1 / total) * turn;
-    for (const auto& p : pairs) H += p.weight * outer(p.to - to, p.from - from);
-    const std::vector<double> spans = singular_values(H).length;
-    if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
-    result.base.R = nearest_rotation(H);
-    result.base.t = to - result.base.R * from;
+    if (moved) {
+      for (const auto& p : pairs) H += p.weight * outer(p.to - to, p.from - from);
+      const std::vector<double> spans = singular_values(H).length;
+      if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
+      result.base.R = nearest_rotation(H);
+      result.base.t = to - result.base.R * from;
+    } else {
+      from = Vec3::Zero();
+      to = result.base.t;
+      turn = Mat3::Zero();
+    }
     std::vector<double> apart;
     for (const auto& p : pairs)
       apart.push_back((p.to - result.base.t - result.base.R * p.from).squaredNorm());

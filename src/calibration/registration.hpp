@@ -82,11 +82,13 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
 /// (each is weighted by its distance). Alternates two linear steps: the base given the marker's
 /// position, and that position given the base's rotation. Needs full positions on lines that span a
 /// plane; otherwise tracker and base are assumed parallel.
-/// @param known     assumed place of the marker
+/// @param known     assumed place of the marker; base where it is known
+/// @param moved     whether the base is unknown
 /// @param movable   whether the marker's position is unknown
 /// @param turning   whether its orientation is unknown
 /// @param pose      of `count` rows; those with a status other than ok are excluded
 /// @param measured  count × n coordinates, NaN where missing
-Registration registered(Mobility mobility, const Registration& known, bool movable, bool turning,
-                        int count, const Pose* pose, const Status* status, const double* measured);
+Registration registered(Mobility mobility, const Registration& known, bool moved, bool movable,
+                        bool turning, int count, const Pose* pose, const Status* status,
+                        const double* measured);
 }  // namespace truepose

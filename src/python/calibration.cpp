@@ -64,6 +64,21 @@ auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix
   return weigh({B, y, D, line}, {C, end}, by);
 }
 
+/// Start of a registration by roughly known poses, NaN without one; see `registered`.
+auto run_registered(const Robot& robot, const Frame& base, const Frame& marker, bool moved,
+                    bool movable, bool turning, const Rows& x, const Rows& measured) {
+  std::vector<Pose> pose;
+  std::vector<Status> status;
+  for (std::size_t i = 0; i < x.shape(0); ++i) {
+    pose.push_back(to_pose(robot.mobility, row<Coordinates>(x, i)));
+    status.push_back(pose[i].D.allFinite() ? Status::ok : Status::not_finite);
+  }
+  const Registration of =
+      registered(robot.mobility, {base, marker}, moved, movable, turning,
+                 static_cast<int>(pose.size()), pose.data(), status.data(), measured.data());
+  return nb::make_tuple(of.base, of.marker);
+}
+
 /// Rows of visits, (M, p), per unit of each parameter, and the visit of each.
 /// @param outside, sigma  external measurement of each pose, (N, n), NaN where missing; one row of
 ///                        sigma is that of all
@@ -193,6 +208,7 @@ void bind_calibration(nb::module_& m) {
   m.attr("ITERATIONS") = CalibrationSettings{}.iterations;
   m.def("calibrate", &run_calibration);
   m.def("weigh", &run_weigh);
+  m.def("registered", &run_registered);
   m.def("rows_of_visits", &run_rows_of_visits);
   m.def("accuracy", &batch_accuracy);
 }

@@ -66,7 +66,7 @@ struct Scene {
   Registration found(bool unknown_marker = true) const {
     Registration known = unknown_marker ? Registration{} : truth;
     known.base = {};
-    return registered(mobility, known, unknown_marker, unknown_marker, rows(), pose.data(),
+    return registered(mobility, known, true, unknown_marker, unknown_marker, rows(), pose.data(),
                       status.data(), measured.data());
   }
   /// Largest difference of row k's measurement from the expected one.
@@ -248,7 +248,7 @@ TEST("angles of passive axes are measured as they are, without a frame") {
     }
     const Status status = Status::ok;
     const Registration found =
-        registered(mobility, known, true, true, 1, &pose, &status, measured.data());
+        registered(mobility, known, true, true, true, 1, &pose, &status, measured.data());
     CHECK((found.base.t - known.base.t).norm() == 0);
     CHECK((found.base.R - known.base.R).norm() == 0);
   }

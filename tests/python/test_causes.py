@@ -166,18 +166,6 @@ def test_two_mistakes_at_once_are_found(h4_z, make, one, other):
     assert len(first.kind.split(", ")) == 2
 
 
-def test_an_encoder_may_be_read_against_another_body(h4_z):
-    """The bars of real H4s turn too little to tell; the hypotheses change the robot alone."""
-    log = log_checks.log_of(h4_z, read(h4_z)[1])
-    made = {of.text: of for of in causes.columns.body(Case(h4_z, log))}
-    bars = {text: of.robot.spec.used[0].bar for text, of in made.items()}
-    assert bars == {
-        "theta: read absolute, not as in the robot's file": None,
-        "theta: read against bar 2, not as in the robot's file": 2,
-    }
-    assert all(of.log is log for of in made.values())
-
-
 def test_a_leaning_shank_and_a_common_constant_are_found():
     ankle = tp.load("g1-ankle").with_sensors("foot_pitch", "foot_roll")
     _, rows, _ = read(ankle)

@@ -171,12 +171,13 @@ def test_what_marker_and_base_share_is_one_named_combination(
             assert fit.registration.covariance[6 + k, 6 + k] > 0.09**2
 
 
-def test_a_known_marker_and_a_given_base_are_kept(h4, anywhere, rng):
+@pytest.mark.parametrize("marker_sigma", [(0, 0), (0.1, 1.8)])
+def test_a_given_base_is_kept_whether_the_marker_is_known(h4, anywhere, rng, marker_sigma):
     robot = h4.with_sensors()
     x = anywhere(robot, 60, rng)
     base, marker = placed([1, 2, 3], [0.5, -2, 1]), placed([0.01, 0.02, -0.05], [0, 0, 0])
     true = robot.sample(3)
-    given = Registration(base=base, marker=(0.01, 0.02, -0.05), marker_sigma=(0, 0))
+    given = Registration(base=base, marker=(0.01, 0.02, -0.05), marker_sigma=marker_sigma)
     fit = tp.calibrate(
         robot,
         true.read(x),

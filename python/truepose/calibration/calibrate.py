@@ -244,9 +244,9 @@ def state(of: Hypothesis, log: Log) -> str:
     """Say which machine a calibrated robot is once the mistakes of a log are undone."""
     said = []
     for each, before in zip(of.each, [log, *(each.log for each in of.each)], strict=False):
-        if each.log is not before and each.reads is None:
+        if each.log is not before and each.lasts is None:
             said.append("a mistake of the log alone: the robot takes readings as its file says")
-        elif each.influences and not (each.reads or each.leans):
+        elif each.influences and each.lasts is None and not each.leans:
             said.append("not part of the robot, which is the machine without it")
         else:
             said.append("the robot is the machine as it reads in the log's last row")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -58,8 +58,9 @@ class Hypothesis:
     density: float = 0.0
     first: Hypothesis | None = None  #: another mistake, undone before
     kind: str = ""  #: of the table of causes
-    #: factor and shift of the undone readings, (n + r,), that the machine keeps, by the amount
-    reads: Callable[[float], tuple[Array, Array]] | None = None
+    #: (n + r,) what the machine keeps of the mistake: factors of its readings without an influence,
+    #: else the columns with the gain, or the constant, of the amount
+    lasts: Array | None = None
     leans: Callable[[Robot, float], Robot] | None = None  #: the robot leaning by the amount
     registration: Registration | None = None  #: in place of the case's
 
@@ -86,9 +87,9 @@ class Case(Problem):
 
     first: Hypothesis | None = None  #: a mistake that is undone already
 
-    def named(self, columns: Iterable[int]) -> str:
-        """Return the names of columns of the log."""
-        return ", ".join(self.log.names[k] for k in columns)
+    def named(self, columns: Array) -> str:
+        """Return the names of columns of the log, (n + r,) bool."""
+        return ", ".join(np.array(self.log.names)[columns])
 
     def under(self, of: Hypothesis) -> Case:
         """Return the case that is left when a mistake is undone."""
@@ -128,24 +129,23 @@ class Case(Problem):
         except TrueposeError:
             return None
 
+    def stated(self, text: str, **of: Any) -> Hypothesis:
+        """Return a hypothesis of this log and robot."""
+        return Hypothesis(**{"text": text, "log": self.log, "robot": self.robot, **of})
+
     def nothing(self) -> Hypothesis:
         """Return the hypothesis that nothing is wrong."""
-        return Hypothesis(text="nothing", log=self.log, robot=self.robot, log_odds=0.0)
+        return self.stated("nothing", log_odds=0.0)
 
-    def with_readings(self, readings: Array, **of: Any) -> Hypothesis:
+    def with_readings(self, readings: Array, text: str, **of: Any) -> Hypothesis:
         """Return a hypothesis with other readings."""
-        return Hypothesis(log=replace(self.log, readings=readings), robot=self.robot, **of)
+        return self.stated(text, log=replace(self.log, readings=readings), **of)
 
-    def with_pattern(self, pattern: Array, sigma: float, **of: Any) -> Hypothesis:
+    def with_pattern(self, pattern: Array, sigma: float, text: str, **of: Any) -> Hypothesis:
         """Return a hypothesis of an additive error of known pattern, (N, n + r)."""
         name = f"cause {len(self.first.each if self.first else ()) + 1}"
         acting = NuisanceParameter(name=name, pattern=pattern, amount=(0.0, sigma))
-        return Hypothesis(log=self.log, robot=self.robot, influences=(acting,), **of)
-
-    def with_wide(self, names: tuple[str, ...], tolerances: Array, **of: Any) -> Hypothesis:
-        """Return a hypothesis of parameters far beyond their tolerances."""
-        wide = dict(zip(names, (WIDE * np.asarray(tolerances)).tolist(), strict=True))
-        return Hypothesis(log=self.log, robot=self.robot, wide=wide, **of)
+        return self.stated(text, influences=(acting,), **of)
 
     @cached_property
     def linear(self) -> Linear | None:

@@ -7,9 +7,9 @@ import numpy as np
 from truepose.arguments import Array, sigmas_of
 from truepose.calibration.causes.hypothesis import Hypothesis
 from truepose.calibration.fit import Calibration, joint_prior
+from truepose.calibration.learnt import calibrated
 from truepose.logs import Log
 from truepose.robot import Robot
-from truepose.robotfile.schema import CalibrationSection
 
 #: σ of a gain or an offset without uncertainty, which keeps a covariance regular.
 EXACT = 1e-9
@@ -23,32 +23,40 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
     Gains, offsets and gravity of the robot take what the mistakes changed for good: reading =
     factor · (gain · value - offset) + shift.
     """
-    names, others = list(fit.names), list(fit.others)
-    p, width = len(names), fit.robot.m + fit.robot.r
+    names, others, m = list(fit.names), list(fit.others), fit.robot.m
     acting = [
         (each, others.index(each.influences[-1].name) if each.influences else -1)
         for each in of.each
-        if each.reads or each.leans
+        if each.lasts is not None or each.leans
     ]
     if not acting:
         return fit, of.log
+    known = [*fit.parameters.values(), *fit.others.values()]
+    values, usual = np.array([(of.value, of.prior) for of in known]).T
+    p = len(names)
 
     def change(amounts: Array) -> tuple[Array, Array]:
-        factor, shift = np.ones(width), np.zeros(width)
+        factor, shift = np.ones(m + fit.robot.r), np.zeros(m + fit.robot.r)
         for each, k in reversed(acting):  # the mistake undone first acts last
-            if each.reads:
-                scale, step = each.reads(amounts[k] if k >= 0 else 0.0)
-                factor, shift = factor * scale, shift * scale + step
+            if each.lasts is None:
+                continue
+            if k < 0:
+                scale, step = each.lasts, 0 * shift
+            elif each.size and each.size.gain:
+                scale, step = 1 + each.lasts * amounts[k] / (1 - amounts[k]), 0 * shift
+            else:
+                scale, step = 1 + 0 * factor, each.lasts * amounts[k]
+            factor, shift = factor * scale, shift * scale + step
         return factor, shift
 
-    amounts = np.array([known.value for known in fit.others.values()])
-    factor, shift = change(amounts)
+    factor, shift = change(values[p:])
     named = fit.robot.spec.of_motor
-    motors = [(named(k, "gain"), named(k, "encoder_offset")) for k in range(fit.robot.m)]
-    keys = [*motors, *((f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors)]
-    scaled = [name for k in np.flatnonzero(factor != 1) for name in keys[k]]
-    moved = [keys[k][1] for k in np.flatnonzero(shift)]
-    every = list(dict.fromkeys([*names, *scaled, *moved]))
+    keys = [(named(k, "gain"), named(k, "encoder_offset")) for k in range(m)]
+    keys += [(f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors]
+    changed = [keys[k][0] for k in np.flatnonzero(factor != 1)]
+    changed += [keys[k][1] for k in np.flatnonzero((factor != 1) | (shift != 0))]
+    every = list(dict.fromkeys([*names, *changed]))
+    q = len(every)
 
     def after(robot: Robot, unknowns: Array) -> Array:
         known = {name: robot.parameters[name].mean for name in every}
@@ -66,38 +74,29 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
         T = np.array([after(robot, unknowns + d) - after(robot, unknowns - d) for d in by]).T
         T /= 2 * STEP
         joint = T @ covariance @ T.T
-        own = [name not in names for name in every]
-        joint[range(len(own)), range(len(own))] += EXACT**2 * np.array(own)
-        block = joint[: len(every), : len(every)]
-        sigma = sigmas_of(block)
-        root = sigma[:, None] * np.linalg.cholesky(block / np.outer(sigma, sigma))
-        learnt = robot.spec.calibration or CalibrationSection(parameters=(), mean=(), root=())
-        section = learnt.model_copy(
-            update={
-                "source": f"{learnt.source}; as it reads in the log's last row",
-                "parameters": tuple(every),
-                "mean": tuple(after(robot, unknowns)[: len(every)].tolist()),
-                "root": tuple(tuple(row[: k + 1]) for k, row in enumerate(root.tolist())),
-            }
+        joint[range(p, q), range(p, q)] += EXACT**2
+        sigma = sigmas_of(joint[:q, :q])
+        root = sigma[:, None] * np.linalg.cholesky(joint[:q, :q] / np.outer(sigma, sigma))
+        before = robot.spec.calibration
+        result = calibrated(
+            robot,
+            dict(zip(every, after(robot, unknowns).tolist(), strict=False)),
+            root,
+            f"{before.source if before else ''}; as it reads in the log's last row",
+            np.array([*before.model_error.values()]) if before else None,
         )
-        robot = robot.with_calibration(section)
         for each, k in acting:
-            robot = each.leans(robot, unknowns[p + k]) if each.leans else robot
-        return robot, joint, T
+            result = each.leans(result, unknowns[p + k]) if each.leans else result
+        return result, joint, T
 
-    values = np.array([*(fit.robot.parameters[name].value for name in names), *amounts])
-    usual = [
-        *(fit.prior.parameters[n].mean for n in names),
-        *(o.prior for o in fit.others.values()),
-    ]
     robot, joint, T = robot_of(fit.robot, values, fit.joint_covariance)
-    prior, prior_covariance, _ = robot_of(fit.prior, np.array(usual), joint_prior(fit))
+    prior, prior_covariance, _ = robot_of(fit.prior, usual, joint_prior(fit))
     readings = of.log.readings - sum(
-        amounts[k] * np.asarray(each.influences[-1].pattern)
+        values[p + k] * np.asarray(each.influences[-1].pattern)
         for each, k in acting
-        if k >= 0 and each.reads
+        if k >= 0 and each.lasts is not None
     )
-    q = len(every)
+    seen = fit.registration
     fit = replace(
         fit,
         robot=robot,
@@ -106,7 +105,6 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
         covariance=joint[:q, :q],
         prior_covariance=prior_covariance[:q, :q],
         beside=joint[q:],
-        registration=fit.registration
-        and replace(fit.registration, cross=T[:q, :p] @ fit.registration.cross),
+        registration=seen and replace(seen, cross=T[:q, :p] @ seen.cross),
     )
     return fit, replace(of.log, readings=factor * readings + shift)

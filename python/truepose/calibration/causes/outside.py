@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truepose import _core
 from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
@@ -40,7 +41,7 @@ class View:
     """Motors' poses of a log, and the distance of outside measurements from them."""
 
     def __init__(self, case: Case):
-        robot = case.robot.expected()
+        self.robot = robot = case.robot.expected()
         self.names, self.angle = case.log.outside_names(robot), angles(robot)
         self.by = registration_of(case.options.registration)
         self.x = poses_of(robot, case.log.readings[:, : robot.m])
@@ -54,52 +55,21 @@ class View:
 
     def distance(self, measured: Array) -> float:
         """Return the median distance of positions plus that of angles, over their spreads."""
+        core, (place, turn) = self.robot.core, self.by.marker_sigma
+        known = *self.by.begin(), self.unknown, place > 0, turn > 0
+        base, marker = _core.registered(core, *known, self.x, measured)
+        off = _core.seen(core, base.ravel(), marker.ravel(), self.x, measured)[1]
         total = 0.0
-        good = finite_rows(self.x)
-        place = np.flatnonzero(~self.angle)
-        base = self.by.begin()[0]
-        R = base[:3, :3]
-        some = good & finite_rows(measured[:, place])
-        if len(place) and some.sum() >= 4:
-            p, D = (
-                np.pad(v[some][:, place], ((0, 0), (0, 3 - len(place)))) for v in (measured, self.x)
-            )
-            if self.unknown:
-                p, D = p - np.median(p, axis=0), D - np.median(D, axis=0)
-                R = nearest(p.T @ D)
-            else:
-                p = p - base[:3, 3]
-            total += _share(np.linalg.norm(p - D @ R.T, axis=1), D)
-        some = good & finite_rows(measured[:, self.angle])
-        if not self.angle.any() or some.sum() < 4:
-            return total
-        a, x = measured[some][:, self.angle], self.x[some][:, self.angle]
-        if not self.spatial:
-            seen = x
-            if self.moving:  # θ: of the platform's x axis about the measurement's z
-                axis = R @ frames.rotation(x * [0.0, 0.0, 1.0])[:, :, :1]
-                seen = np.arctan2(axis[:, 1], axis[:, 0])
-            turn = np.remainder(a - seen + np.pi, 2 * np.pi) - np.pi
-            turn -= np.median(turn, axis=0) if self.unknown else 0.0
-            return total + _share(np.linalg.norm(turn, axis=1), x)
-        Q, turns, M = frames.rotation(a), frames.rotation(x), np.eye(3)
-        for _ in range(3 if any(self.by.marker_sigma) else 0):
-            M = nearest((np.swapaxes(R @ turns, 1, 2) @ Q).sum(axis=0))
-            if self.unknown:
-                R = nearest((Q @ np.swapaxes(turns @ M, 1, 2)).sum(axis=0))
-        apart = frames.rotation_vector(np.swapaxes(R @ turns @ M, 1, 2) @ Q)
-        return total + _share(np.linalg.norm(apart, axis=1), x)
-
-
-def nearest(A: Array) -> Array:
-    """Return the rotation nearest to a matrix."""
-    U, _, V = np.linalg.svd(A)
-    return np.asarray(U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V)
-
-
-def _share(distance: Array, values: Array) -> float:
-    spread = np.median(np.linalg.norm(values - np.median(values, axis=0), axis=1))
-    return float(np.median(distance) / max(spread, 1e-9))
+        for which in (~self.angle, self.angle):
+            some = finite_rows(off[:, which])
+            if which.any() and some.sum() >= 4:
+                x = self.x[some][:, which]
+                spread, by = (
+                    np.median(np.linalg.norm(of, axis=1))
+                    for of in (x - np.median(x, axis=0), off[some][:, which])
+                )
+                total += float(by / max(spread, 1e-9))
+        return total
 
 
 def nearer(
@@ -122,7 +92,7 @@ def nearer(
         of = every[k]
         log = replace(case.log, measured=of.measured, euler=None, form="")
         odds = LN_RATE - math.log(len(every))
-        yield Hypothesis(text=of.text, log=log, robot=case.robot, log_odds=odds, density=of.density)
+        yield case.stated(of.text, log=log, log_odds=odds, density=of.density)
 
 
 def axes(case: Case) -> Iterator[Hypothesis]:
@@ -132,13 +102,8 @@ def axes(case: Case) -> Iterator[Hypothesis]:
         return
     known, view.by, view.unknown = view.distance(case.log.measured), Registration(), True
     if view.distance(case.log.measured) < NEARER * known:
-        yield Hypothesis(
-            text=f"{', '.join(view.names)}: in a frame of their own, not the base's: "
-            "registration unknown",
-            log=case.log,
-            robot=case.robot,
-            registration=view.by,
-        )
+        text = "in a frame of their own, not the base's: registration unknown"
+        yield case.stated(f"{', '.join(view.names)}: {text}", registration=view.by)
 
 
 def _axes(view: View, given: Array) -> Iterator[Candidate]:
@@ -251,7 +216,7 @@ def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
         if not which.any() or not np.isfinite(raw).any():
             continue
         names = ", ".join(np.array(view.names)[which])
-        for factor, text in UNITS[angle].items():
+        for factor, text in UNITS["rad" if angle else "m"].items():
             moved = given.copy()
             if angle and case.log.euler is not None:
                 read = finite_rows(case.log.euler)

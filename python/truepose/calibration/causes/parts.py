@@ -1,19 +1,33 @@
 """Wrong parts far beyond their tolerances, larger tolerances or noise, a lean, a load."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from truepose.arguments import Array, finite_rows
-from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis, Size
+from truepose.calibration.causes.hypothesis import LN_RATE, WIDE, Case, Hypothesis, Size
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.influences import stretch, tension
-from truepose.robot import Robot, knowledge, lean, reading_units
+from truepose.robot import Robot, knowledge, lean
+from truepose.robot.units import unit_of
 
 #: σ of the deviation of a part without a tolerance: m, rad.
 EXACT = {"m": 1e-3, "rad": 0.01}
+#: Wrong parts by cause: last word of the parameter's name, and what is said of it.
+WRONG = {
+    "homing": {"encoder_offset": "{motor}: homed off by"},
+    "rod": {
+        "rod": "{part}: rod of another length, by",
+        "length": "{part}: of another length, by",
+    },
+    "arm": {"arm": "{part}: arm of another length, by"},
+    "sensor offset": {"offset": "{part}: zero off by"},
+}
+#: Bodies of a rod's two points.
+BODIES = {"base": "base", "anchor": "platform"}
 #: σ of a lean, rad; of load times compliance, 1 (assumed).
 LEAN, LOAD = 0.05, 1e-3
 #: Fits that find a lean before the last one.
@@ -22,51 +36,30 @@ AGAIN = 2
 FACTORS = (1.4, 2.0, 4.0, 8.0, 30.0)
 
 
-def _chains(case: Case, ending: str, text: str, unit: str | None = None) -> Iterator[Hypothesis]:
-    units = reading_units(case.robot)
-    for k in range(case.robot.m):
-        name = case.robot.spec.of_motor(k, ending)
-        if name in case.robot.parameters:
-            yield _wide(case, [name], text.format(chain=k + 1, motor=f"q{k + 1}"), unit or units[k])
+def wrong(case: Case, texts: Mapping[str, str]) -> Iterator[Hypothesis]:
+    """One parameter, by the last word of its name, far beyond its tolerance."""
+    for name in case.robot.parameters:
+        part, _, key = name.rpartition(".")
+        if key in texts and (key != "offset" or part in case.robot.sensors):
+            names = {"part": part.replace("chain", "chain "), "motor": part.replace("chain", "q")}
+            yield _wide(case, [name], texts[key].format(**names))
 
 
-def _wide(case: Case, names: Sequence[str], text: str, unit: str) -> Hypothesis:
-    known = case.robot.parameters
-    tolerances = np.array([known[name].sigma or EXACT[unit] for name in names])
-    size = Size(unit, names[0]) if len(names) == 1 else None
-    return case.with_wide(tuple(names), tolerances, text=text, size=size)
-
-
-def homing(case: Case) -> Iterator[Hypothesis]:
-    """A motor that is homed off."""
-    return _chains(case, "encoder_offset", "{motor}: homed off by")
-
-
-def rod(case: Case) -> Iterator[Hypothesis]:
-    """A rod of another length."""
-    yield from _chains(case, "rod", "chain {chain}: rod of another length, by", "m")
-    for closure in case.robot.spec.closure:
-        if closure.length:
-            text = f"{closure.name}: of another length, by"
-            yield _wide(case, [f"{closure.name}.length"], text, "m")
-
-
-def arm(case: Case) -> Iterator[Hypothesis]:
-    """An arm of another length."""
-    return _chains(case, "arm", "chain {chain}: arm of another length, by", "m")
+def _wide(case: Case, names: Sequence[str], text: str) -> Hypothesis:
+    known, unit = case.robot.parameters, unit_of(case.robot, names[0])
+    wide = {name: WIDE * (known[name].sigma or EXACT[unit]) for name in names}
+    return case.stated(text, wide=wide, size=Size(unit, names[0]) if len(names) == 1 else None)
 
 
 def joint(case: Case) -> Iterator[Hypothesis]:
     """A joint of base or platform that is mounted elsewhere."""
-    known = case.robot.parameters
-    spec = case.robot.spec
-    parts = [(f"chain{k}", f"chain {k}") for k in range(1, len(spec.chain) + 1)]
-    for part, told in parts + [(closure.name, closure.name) for closure in spec.closure]:
-        for point, body in (("base", "base"), ("anchor", "platform")):
-            names = [name for name in known if name.startswith(f"{part}.{point}.")]
-            names = [name for name in names if known[name].sigma > 0]
-            if names:
-                yield _wide(case, names, f"{told}: its joint on the {body} is elsewhere", "m")
+    places = defaultdict(list)
+    for name, known in case.robot.parameters.items():
+        part, _, point = name.rpartition(".")[0].rpartition(".")
+        if point in BODIES and known.sigma > 0:
+            places[part.replace("chain", "chain "), BODIES[point]].append(name)
+    for (part, body), names in places.items():
+        yield _wide(case, names, f"{part}: its joint on the {body} is elsewhere")
 
 
 def _factor(case: Case, column: int) -> float:
@@ -84,10 +77,8 @@ def tolerances(case: Case) -> Iterator[Hypothesis]:
     if factor := _factor(case, 1):
         known, names = case.robot.parameters, knowledge.learnable(case.robot)
         before = "the last calibration's σ" if case.robot.spec.calibration else "the tolerances"
-        yield Hypothesis(
-            text=f"{before} seem too small by a factor of about {factor:g}",
-            log=case.log,
-            robot=case.robot,
+        yield case.stated(
+            f"{before} seem too small by a factor of about {factor:g}",
             wide={name: math.sqrt(factor**2 - 1) * known[name].sigma for name in names},
             log_odds=LN_RATE - math.log(len(FACTORS)),
         )
@@ -103,21 +94,12 @@ def noise(case: Case) -> Iterator[Hypothesis]:
     factor = _factor(case, 0) if read else 0.0
     if not factor:
         return
-    yield Hypothesis(
-        text=f"the readings seem noisier than stated by a factor of about {factor:g}",
-        log=case.log,
+    yield case.stated(
+        f"the readings seem noisier than stated by a factor of about {factor:g}",
         robot=knowledge.with_noise(robot, factor),
         log_odds=LN_RATE - math.log(len(FACTORS)),
         density=-float(read) * math.log(factor),
     )
-
-
-def sensor_offset(case: Case) -> Iterator[Hypothesis]:
-    """A sensor's zero far beyond its tolerance."""
-    units = reading_units(case.robot)[case.robot.m :]
-    for name, unit in zip(case.robot.sensors, units, strict=True):
-        if f"{name}.offset" in case.robot.parameters:
-            yield _wide(case, [f"{name}.offset"], f"{name}: zero off by", unit)
 
 
 def leaning(case: Case) -> Iterator[Hypothesis]:
@@ -125,15 +107,13 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
     robot = case.robot.expected()
     if not lean.gravity_referred(robot).any():
         return
-    x = poses_of(robot, case.log.readings[:, : robot.m])
+    x, linear = poses_of(robot, case.log.readings[:, : robot.m]), case.linear
     for axis in range(2):
         of = _leaning(case, x, axis, 0.0)
         if np.abs(np.asarray(of.influences[0].pattern)).max(initial=0) < 1e-3:
             continue
-        by = case.linear.columns(of) if case.linear else None
-        less = (
-            case.linear is not None and by is not None and np.diff(case.linear.weigh([by]))[0] < 0
-        )
+        by = linear.columns(of) if linear else None
+        less = linear and by is not None and np.diff(linear.weigh([by]))[0] < 0
         for _ in range(0 if less else AGAIN):  # about the lean that was found
             if (fit := case.fit(of)) is None or (size := of.measured(fit)) is None:
                 break
@@ -143,17 +123,17 @@ def leaning(case: Case) -> Iterator[Hypothesis]:
 
 def _leaning(case: Case, x: Array, axis: int, begun: float) -> Hypothesis:
     """Return a lean about an axis, linearised about one."""
-    robot, one = case.robot, np.eye(2)[axis]
-    leans, implied = np.tile(begun * one, (len(x), 1)), np.zeros(x.shape, dtype=bool)
+    one = np.eye(2)[axis]
+    at = np.tile(begun * one, (len(x), 1)), np.zeros(x.shape, dtype=bool)
     of = case.with_pattern(
-        lean.effect(robot.expected(), x, leans, implied).inclination[:, :, axis],
+        lean.effect(case.robot.expected(), x, *at).inclination[:, :, axis],
         LEAN,
-        text=f"base or shank leans about {'xyz'[lean.axes(robot)[axis]]} by",
+        f"base or shank leans about {'xyz'[lean.axes(case.robot)[axis]]} by",
         size=Size("rad"),
         leans=lambda robot, amount: leant(robot, (begun + amount) * one),
     )
     moved = replace(of.influences[-1], amount=(-begun, LEAN))
-    return replace(of, robot=leant(robot, begun * one), influences=(moved,))
+    return replace(of, robot=leant(case.robot, begun * one), influences=(moved,))
 
 
 def leant(robot: Robot, by: Array) -> Robot:
@@ -178,4 +158,4 @@ def load(case: Case) -> Iterator[Hypothesis]:
     pull[:, : robot.m] = tension(robot, x[good], (0.0, 0.0, -1.0))
     pattern[good] = stretch(robot, x[good], pull)
     text = "a load on compliant rods, compliance times load"
-    yield case.with_pattern(pattern, LOAD, text=text, size=Size(""))
+    yield case.with_pattern(pattern, LOAD, text, size=Size(""))

@@ -1,17 +1,17 @@
 """Mistakes in a log's rows: shifted, stuck, slipped, gross errors."""
 
-import functools
+import itertools
 import math
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
-from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import sigmas
@@ -29,23 +29,22 @@ PART = 10_000_000
 BANDS = 0.04 * np.linspace(-1, 1, 5)
 #: Largest share of rows with gross errors; probability that noise makes one.
 MOST, FALSE = 0.45, 1e-4
-#: Fits of the search for gross errors: to half of the rows; at most.
-HALVES, TRIMS = 3, 10
+#: Most fits of the search for gross errors; most iterations of the robust one, which takes 16 to 63
+#: where there are such errors.
+TRIMS, ROBUST = 10, 100
 
 
 def shifted(case: Case) -> Iterator[Hypothesis]:
     """The rows of one column, or of all sensors, shifted against the others."""
-    width, n = len(case.log.names), case.robot.m
-    for which in dict.fromkeys([*((k,) for k in range(width)), tuple(range(n, width))]):
-        k, name = list(which), case.named(which)
-        its = "its" if len(which) == 1 else "their"
+    width, count = len(case.log.names), len(case.log.readings)
+    for which in (*np.eye(width, dtype=bool), np.arange(width) >= case.robot.m):
+        its = "its" if which.sum() == 1 else "their"
         for by in (*range(-SHIFTS, 0), *range(1, SHIFTS + 1)):
-            if abs(by) >= len(case.log.readings):
-                continue
-            readings = case.log.readings.copy()
-            readings[:, k] = later(readings[:, k], by)
-            text = f"{name}: {its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
-            yield case.with_readings(readings, text=text, log_odds=LN_RATE - math.log(2 * SHIFTS))
+            if which.any() and abs(by) < count:
+                readings = np.where(which, later(case.log.readings, by), case.log.readings)
+                said = f"{its} rows are {abs(by)} too {'late' if by > 0 else 'early'}"
+                odds = LN_RATE - math.log(2 * SHIFTS)
+                yield case.with_readings(readings, f"{case.named(which)}: {said}", log_odds=odds)
 
 
 def later(values: Array, by: int) -> Array:
@@ -79,7 +78,7 @@ def stuck(case: Case) -> Iterator[Hypothesis]:
             continue
         readings = case.log.readings.copy()
         readings[lost, k] = np.nan
-        yield case.with_readings(readings, text=stuck_at(case.log, k, lost))
+        yield case.with_readings(readings, stuck_at(case.log, k, lost))
 
 
 def slipped(case: Case) -> Iterator[Hypothesis]:
@@ -87,21 +86,15 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
     count = len(case.log.readings)
     after = np.arange(count) >= np.arange(1, count)[:, None]
     for which, row, step in steps(case, after):
-        columns = np.asarray(step.influences[-1].pattern)[-1]
         yield replace(
             step,
-            text=f"{which}: slipped before {case.log.at([row + 1])}, by",
-            log_odds=LN_RATE - math.log(count) - ALIKE * ("," in which),
-            reads=functools.partial(_moved, columns),
+            text=f"{case.named(which)}: slipped before {case.log.at([row + 1])}, by",
+            log_odds=LN_RATE - math.log(count) - (ALIKE if which.sum() > 1 else 0.0),
+            lasts=which,
         )
 
 
-def _moved(columns: Array, by: float) -> tuple[Array, Array]:
-    """Return factor and shift of readings that moved by an amount."""
-    return np.ones(len(columns)), by * columns
-
-
-def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
+def steps(case: Case, masks: Array) -> Iterator[tuple[Array, int, Hypothesis]]:
     """Yield columns, the number of the mask whose step in these is likeliest, and the step.
 
     `masks`, (S, N), are the rows with the step. Columns are each alone, and those of a kind alike.
@@ -109,19 +102,16 @@ def steps(case: Case, masks: Array) -> Iterator[tuple[str, int, Hypothesis]]:
     linear = case.linear
     if linear is None or len(case.log.readings) < 4 or not len(masks) or not len(linear.rows.y):
         return
-    read = np.ma.masked_invalid(case.log.readings)
-    spans = np.ma.ptp(read, axis=0).filled(0.0)
-    rows, units = linear.rows, reading_units(case.robot)
+    spans = np.ma.ptp(np.ma.masked_invalid(case.log.readings), axis=0).filled(0.0)
+    rows, units = linear.rows, np.array(reading_units(case.robot))
     parts = np.array_split(linear.by_row(masks.T).T, 1 + len(masks) * len(rows.y) // PART)
     for which in alone_and_alike(case.robot):
-        amount = max(float(spans[list(which)].max()) / 5, 1e-6)
-        d = (rows.D / linear.sigma)[:, list(which)].sum(axis=1) * amount
+        amount = max(float(spans[which].max()) / 5, 1e-6)
+        d = rows.D @ (which * amount / linear.sigma)
         found = [linear.weigh(list((part * d)[..., None]))[0, 1:] for part in parts]
         best = int(np.concatenate(found).argmax())
-        pattern = np.outer(masks[best], np.isin(np.arange(len(case.log.names)), which))
-        size = Size(units[which[0]])
-        step = case.with_pattern(pattern.astype(float), amount, text="", size=size)
-        yield case.named(which), best, step
+        pattern = np.outer(masks[best], which).astype(float)
+        yield which, best, case.with_pattern(pattern, amount, "", size=Size(units[which][0]))
 
 
 def sided(case: Case) -> Iterator[Hypothesis]:
@@ -134,99 +124,66 @@ def sided(case: Case) -> Iterator[Hypothesis]:
     if box is None or not len(x):
         return
     names, units = case.log.names, reading_units(robot)
+    middles = np.transpose([np.zeros(robot.n), np.add(box.minimum, box.maximum) / 2, robot.home])
     quantities = [
-        (name, unit, x[:, k], {0.0, (low + high) / 2, float(robot.home[k])})
-        for k, ((name, unit), low, high) in enumerate(
-            zip(robot.coordinates, box.minimum, box.maximum, strict=True)
-        )
+        (*of, x[:, k], dict.fromkeys(middles[k])) for k, of in enumerate(robot.coordinates)
     ]
     quantities += [
-        (f"{names[j]} - {names[k]}", units[j], read[:, j] - read[:, k], {0.0})
-        for j in range(len(names))
-        for k in range(j + 1, len(names))
+        (f"{names[j]} - {names[k]}", units[j], read[:, j] - read[:, k], {0.0: None})
+        for j, k in itertools.combinations(range(len(names)), 2)
         if units[j] == units[k]
     ]
     found: dict[bytes, tuple[Array, str]] = {}
-    for k, (name, unit, value, middles) in enumerate(quantities):
+    for name, unit, value, of in quantities:
         span = float(np.ma.ptp(np.ma.masked_invalid(value)) or 0.0)
-        for middle in middles:
+        for middle in of:
             factor, said = PRINT[unit]
             text = f"where {name} is above about {factor * middle:.4g} {said}"
-            near = value[np.abs(value - middle) < span * BANDS[-1]] if k < robot.m else []
-            for at in (*(middle + span * BANDS), *near):
-                mask = np.asarray(value > at)
+            for mask in value > (middle + span * BANDS)[:, None]:
                 if 1 < mask.sum() < len(mask) - 1:
                     found.setdefault(mask.tobytes(), (mask, text))
     masks = np.array([mask for mask, _ in found.values()])
-    texts = [text for _, text in found.values()]
     for which, k, step in steps(case, masks):
-        text = f"{which}: reads otherwise {texts[k]}, by"
+        text = f"{case.named(which)}: reads otherwise {[*found.values()][k][1]}, by"
         yield replace(step, text=text, log_odds=LN_RATE - math.log(len(masks)))
 
 
 def gross(case: Case) -> Iterator[Hypothesis]:
-    """Gross errors in some rows: least trimmed squares, from the half that varies least.
+    """Gross errors in some rows: a robust fit, then least trimmed squares.
 
-    Concentration steps: fit to the rows that are not excluded, predict sensors and outside
-    coordinates of the excluded ones, exclude by χ² again, until nothing changes.
+    Exclude rows by χ², fit to the others, predict sensors and outside coordinates of the excluded
+    ones, and again, until nothing changes.
     """
-    n, log = case.robot.m, case.log
-    count = np.isfinite(log.readings[:, n:]).sum(axis=1)
+    log, robust = case.log, replace(case.options, loss="student")
+    count = np.isfinite(log.readings[:, case.robot.m :]).sum(axis=1)
     if log.measured is not None:
         count = count + np.isfinite(log.measured).sum(axis=1)
-    off = _begun(case)
-    if off is None or not count.any():
+    with warnings.catch_warnings(action="ignore"):  # of poses that a robust fit may go through
+        fit = replace(case, options=robust, iterations=ROBUST).fit(case.nothing())
+    read = count > 0
+    if fit is None or not read.any():
         return
     limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
-    median = float(np.median(chi2_quantile(0.5, count[count > 0])))
-    bad = (count > 0) & (off > np.median(off[count > 0]))
-    for step in range(TRIMS):
+    median = float(np.median(chi2_quantile(0.5, count[read])))
+    off, bad = np.nan_to_num(fit.chi2, nan=np.inf), ~read
+    for _ in range(TRIMS):
+        before, bad = bad, read & (off > limit * max(1.0, np.median(off[read]) / median))
         of = _without(case, bad)
-        fit = case.fit(of)
-        if fit is None:
-            return
-        off = np.where(bad, _predicted(case, fit), np.nan_to_num(fit.chi2, nan=np.inf))
-        middle = np.median(off[count > 0])
-        most = middle if step < HALVES else limit * max(1.0, middle / median)
-        before, bad = bad, (count > 0) & (off > most)
-        if step > HALVES and (bad == before).all():
+        if (bad == before).all() or (fit := case.fit(of)) is None:
             break
+        off = np.where(bad, _predicted(case, fit), np.nan_to_num(fit.chi2, nan=np.inf))
     which = np.flatnonzero(bad)
     if 0 < len(which) <= MOST * len(bad):
         text = f"gross errors in {len(which)} of {len(bad)} rows: {log.at(which)}"
         yield replace(of, text=text, density=-GROSS * len(which))
 
 
-def _begun(case: Case) -> Array | None:
-    """Return each row's χ² before the first step: of a robust fit with outside coordinates.
-
-    Without these the sensors' usual residual by the motors is taken off.
-    """
-    if case.log.measured is not None:
-        options = replace(case.options, loss="student")
-        robust = replace(case, options=options).fit(case.nothing())
-        return None if robust is None else np.nan_to_num(robust.chi2, nan=np.inf)
-    seen = expect(case.robot.expected(), case.log.readings)
-    columns = zip(seen.residual.T, np.isfinite(seen.residual).T, strict=True)
-    usual = [np.median(of[read]) if read.any() else 0.0 for of, read in columns]
-    return _chi2(seen, usual)
-
-
-def _chi2(seen: Expectation, usual: ArrayLike = 0.0) -> Array:
-    """Return each row's χ² of residuals less usual ones; inf without a pose."""
-    off = np.nansum(((seen.residual - usual) / seen.sigma) ** 2, axis=1)
-    return np.where(finite_rows(seen.x), off, np.inf)
-
-
 def _without(case: Case, bad: Array) -> Hypothesis:
     """Return the hypothesis that the sensors and outside coordinates of some rows say nothing."""
-    sensors = np.arange(case.log.readings.shape[1]) >= case.robot.m
-    kept = np.where(bad[:, None] & sensors, np.nan, case.log.readings)
-    of = case.with_readings(kept, text="")
-    if case.log.measured is None:
-        return of
-    outside = np.where(bad[:, None], np.nan, case.log.measured)
-    return replace(of, log=replace(of.log, measured=outside))
+    log, sensors = case.log, np.arange(len(case.log.names)) >= case.robot.m
+    readings = np.where(bad[:, None] & sensors, np.nan, log.readings)
+    outside = log.measured if log.measured is None else np.where(bad[:, None], np.nan, log.measured)
+    return case.stated("", log=replace(log, readings=readings, measured=outside))
 
 
 def _predicted(case: Case, fit: Calibration) -> Array:
@@ -236,4 +193,6 @@ def _predicted(case: Case, fit: Calibration) -> Array:
     seen = expect(
         fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads
     )
-    return _chi2(seen)
+    return np.where(
+        finite_rows(seen.x), np.nansum((seen.residual / seen.sigma) ** 2, axis=1), np.inf
+    )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -14,25 +15,32 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, finite_rows
 from truepose.calibration.bound import accuracy
-from truepose.calibration.cause import Cause, Causes
-from truepose.calibration.causes import columns, hypothesis, outside, parts, rows
-from truepose.calibration.causes.hypothesis import Case, Hypothesis, equations, evidence, lost
+from truepose.calibration.cause import Cause, Causes, Verdict
+from truepose.calibration.causes import columns, outside, parts, rows
+from truepose.calibration.causes.hypothesis import (
+    GROSS,
+    LN_RATE,
+    WIDE,
+    Case,
+    Hypothesis,
+    equations,
+    evidence,
+    lost,
+)
 from truepose.calibration.expectation import expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import TrueposeError
-from truepose.robot import samples_or_home
+from truepose.logs import Log
+from truepose.robot import Robot, samples_or_home
 from truepose.show import PRINT
 
 #: Every cause by name; a new one is a generator of hypotheses and an entry here.
 CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
-    "homing": parts.homing,
-    "rod": parts.rod,
-    "arm": parts.arm,
+    **{kind: partial(parts.wrong, texts=texts) for kind, texts in parts.WRONG.items()},
     "joint": parts.joint,
     "tolerances": parts.tolerances,
     "noise": parts.noise,
-    "sensor offset": parts.sensor_offset,
     "gain": columns.gain,
     "sign": columns.sign,
     "unit": columns.unit,
@@ -41,7 +49,6 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "outside angles": outside.euler,
     "outside unit": outside.unit,
     "outside rows": outside.shifted,
-    "sensor body": columns.body,
     "common constant": columns.common,
     "shifted rows": rows.shifted,
     "stuck": rows.stuck,
@@ -61,8 +68,8 @@ LIKELY, FITTED = 6, 10
 FAR, ROUGH = 150.0, 0.3
 #: Log odds behind the log as it is, likewise.
 NEAR = 30.0
-#: Rows by which these are compared.
-COMPARED = 24
+#: Rows by which these are compared; what a row without a pose counts.
+COMPARED, WORST = 24, 30.0
 #: A log with more rows is searched by blocks of consecutive ones; then so many causes by all.
 ROWS, BLOCK, AGAIN = 120, 12, 5
 #: Iterations after which a hypothesis is given up: true ones need 4 to 7, 13 at most (119 logs);
@@ -81,10 +88,15 @@ ALWAYS = (
 )
 #: Explanations that name no mistake.
 VAGUE = ("tolerances", "noise", "correlated rows")
-#: Errors that persist from row to row: correlations of consecutive rows; variances over that of
-#: independent errors; σ of these over the stated one.
-CORRELATIONS, PERSISTING = (0.5, 0.8, 0.95, 0.995), (0.5, 2.0, 8.0, 32.0, 128.0)
-NOISE = np.geomspace(0.5, 8.0, 9)
+#: Ordinary explanations of a slip, as the core takes them: σ of independent errors over the stated
+#: one, 1, correlation of consecutive rows, variance of errors that persist over theirs.
+PERSISTING = np.array(
+    [
+        (noise, 1.0, *way)
+        for way in [(0.0, 0.0), *product((0.5, 0.8, 0.95, 0.995), (0.5, 2.0, 8.0, 32.0, 128.0))]
+        for noise in np.geomspace(0.5, 8.0, 9)
+    ]
+)
 
 
 class Search(NamedTuple):
@@ -112,19 +124,19 @@ def search(
     base = case.fit(none)
     if base is not None and not always and consistent(base, DOUBT) and suspicion(base) < DECISIVE:
         return Search(Causes("none"), [], base)
-    some = _some(case)
-    most = _equations(case, some)
-    begun = base if some is None else case.fit(none, some)
-    rows = len(case.log.readings if some is None else some)
-    own = -hypothesis.GROSS * (most + case.robot.m * rows)
+    some, count = _some(case), len(case.log.readings)
+    most = _equations(case.robot, case.log.only(some))
+    begun = base if len(some) == count else case.fit(none, some)
+    own = -GROSS * (most + case.robot.m * len(some))
     own = own if begun is None else evidence(begun, none, most)
 
     def explained(tried: list[Hypothesis], steps: int) -> list[Explained]:
         found = []
-        for k, of in enumerate(tried):
-            progress(k / len(tried))
+        progress(0.0)
+        for k, of in enumerate(tried, 1):
             if (fit := case.fit(of, some, iterations=steps)) is not None:
                 found.append(Explained(of, fit, evidence(fit, of, most) - own))
+            progress(k / (len(tried) + 1))
         return found
 
     likely, rest = _tried(case)
@@ -140,7 +152,7 @@ def search(
         for after in (case.under(each.of) for each in causing[:SECOND]):
             found += explained([after.beside(of) for of in _tried(after)[0]], QUICK)
         found = _once(found)
-    if some is not None:  # the most probable ones by every row
+    if len(some) < count:  # the most probable ones by every row
         found = [
             each._replace(fit=fit)
             for each in found[:AGAIN]
@@ -195,42 +207,33 @@ def vague(found: Explained) -> bool:
 
 
 def _persisting(
-    case: Case, base: Calibration | None, found: list[Explained], rows: Array | None
+    case: Case, base: Calibration | None, found: list[Explained], rows: Array
 ) -> list[Explained]:
-    """Return errors that persist over rows as an explanation, where slips are the likeliest."""
-    near = [each for each in found if each.log_odds > found[0].log_odds - DECISIVE]
-    over = [
-        _over_persisting(case, each.of, slip, rows)
-        for each in near
-        for slip in each.of.each
-        if slip.kind == "slip"
-    ]
+    """Return errors that persist over rows as an explanation, where slips are the likeliest.
+
+    The largest marginal likelihoods with a slip and without it are compared, both with such errors.
+    """
+    over = []
+    rate = np.where(PERSISTING[:, 3] > 0, LN_RATE, 0.0)[:, None]
+    for each in found if base else []:
+        slips = [slip for slip in each.of.each if slip.kind == "slip"]
+        if each.log_odds < found[0].log_odds - DECISIVE or not slips:
+            continue
+        fit = replace(case, keeps_rows=True).fit(each.of, rows)
+        if fit is None or fit.rows is None:
+            continue
+        B, y, D, line, _, acting = fit.rows
+        for slip in slips:
+            own = np.zeros(B.shape[1], dtype=bool)
+            own[acting[list(fit.influences).index(slip.influences[-1].name)]] = True
+            both = _core.weigh(B[:, ~own], y, D, line, B[:, own], np.array([1]), PERSISTING)
+            odds = slip.log_odds - (slip.first.log_odds if slip.first else 0.0)
+            over.append(float(np.diff((both + rate).max(axis=0))[0]) + odds)
     if base is None or not over:
         return []
     text = "errors that persist from row to row, without a slip"
     of = replace(case.nothing(), text=text, kind="correlated rows")
     return [Explained(of, base, found[0].log_odds - max(over))]
-
-
-def _over_persisting(case: Case, of: Hypothesis, slip: Hypothesis, rows: Array | None) -> float:
-    """Return the log odds of a slip, against none, if errors may persist from row to row.
-
-    The slip is a mistake of `of`; the largest marginal likelihoods of both are compared.
-    """
-    fit = replace(case, keeps_rows=True).fit(of, rows)
-    if fit is None or fit.rows is None:
-        return math.inf
-    B, y, D, line, _, acting = fit.rows
-    own = acting[list(fit.influences).index(slip.influences[-1].name)]
-    ways = [(1.0, 0.0, 0.0), *((1.0, *of) for of in itertools.product(CORRELATIONS, PERSISTING))]
-    ordinary = np.array([(s, *way) for way in ways for s in NOISE])
-    rate = np.where(ordinary[:, 3] > 0, hypothesis.LN_RATE, 0.0)
-    none = np.zeros((len(y), 0))
-    with_it, without = (
-        (_core.weigh(B[:, some], y, D, line, none, np.zeros(0), ordinary)[:, 0] + rate).max()
-        for some in (slice(None), np.arange(B.shape[1]) != own)
-    )
-    return float(with_it - without) + slip.log_odds - (slip.first.log_odds if slip.first else 0.0)
 
 
 def _puzzling(found: list[Explained]) -> bool:
@@ -245,23 +248,20 @@ def _once(found: list[Explained]) -> list[Explained]:
     return sorted(said.values(), key=lambda each: -each.log_odds)
 
 
-def _some(case: Case) -> Array | None:
-    """Return blocks of consecutive rows of a long log; None where all rows are searched."""
+def _some(case: Case) -> Array:
+    """Return the rows that are searched: all, or blocks of consecutive ones of a long log."""
     count = len(case.log.readings)
     if count <= ROWS or case.differences:
-        return None
+        return np.arange(count)
     starts = np.linspace(0, count - BLOCK, ROWS // BLOCK).astype(int)
     return np.unique(starts[:, None] + np.arange(BLOCK))
 
 
-def _equations(case: Case, rows: Array | None) -> int:
+def _equations(robot: Robot, log: Log) -> int:
     """Return the number of equations of a log beyond those that its poses take."""
-    n, log = case.robot.m, case.log if rows is None else case.log.only(rows)
-    read = finite_rows(log.readings[:, :n])
-    count = int(np.isfinite(log.readings[read, n:]).sum() + (n - case.robot.n) * read.sum())
-    if log.measured is not None:
-        count += int(np.isfinite(log.measured[read]).sum())
-    return count
+    read = finite_rows(log.readings[:, : robot.m])
+    values = [of[read] for of in (log.readings, log.measured) if of is not None]
+    return int(np.isfinite(np.hstack(values)).sum() - robot.n * read.sum())
 
 
 def consistent(fit: Calibration, probability: float) -> bool:
@@ -284,36 +284,35 @@ def suspicion(fit: Calibration) -> float:
     inverse = np.linalg.inv(fit.prior_covariance)
     g = inverse @ off
     h = np.maximum(np.diag(inverse - inverse @ fit.covariance @ inverse), 0.0)
-    v = hypothesis.WIDE**2 * np.diag(fit.prior_covariance)
+    v = WIDE**2 * np.diag(fit.prior_covariance)
     gain = (g**2 * v / (1 + v * h) - np.log1p(v * h)) / 2
-    return float(gain.max(initial=-math.inf)) + hypothesis.LN_RATE
+    return float(gain.max(initial=-math.inf)) + LN_RATE
 
 
 def _tried(case: Case) -> tuple[list[Hypothesis], list[Hypothesis]]:
     """Return the likeliest hypotheses to first order and those that contradict least; and more."""
     every = [of for kind in CAUSES for of in _stated(kind, case)]
-    if case.first is not None:
-        every = [of for of in every if of.kind not in VAGUE]
-    always = [of for of in every if of.kind in ALWAYS]
-    every, linear = [of for of in every if of.kind not in ALWAYS], case.linear
-    columns = [linear.columns(of) if linear else None for of in every]
+    every = [of for of in every if case.first is None or of.kind not in VAGUE]
+    linear = case.linear
+    columns = [linear.columns(of) if linear and of.kind not in ALWAYS else None for of in every]
     first = [of for of, by in zip(every, columns, strict=True) if by is not None]
-    odds = np.zeros(0)
+    odds = np.array([of.log_odds for of in first])
     if linear is not None and first:
         none, *own = linear.weigh([by for by in columns if by is not None])[0]
-        odds = np.array(own) - none + [of.log_odds for of in first]
-    others = [of for of, by in zip(every, columns, strict=True) if by is None]
-    sized = [of for of in others if of.size is not None]
-    others = [of for of in others if of.size is None]
+        odds += np.array(own) - none
+    likely = [of for of, by in zip(every, columns, strict=True) if by is None]
+    others = [of for of in likely if of.size is None and of.kind not in ALWAYS]
+    likely = [of for of in likely if of.size is not None or of.kind in ALWAYS]
     own, *far = _contradictions(case, [case.nothing(), *others])
     near = min(min(far, default=own) + FAR, own + NEAR)
-    likely, rest = list[Hypothesis](), list[Hypothesis]()
-    for k, at in enumerate(np.argsort(-odds, kind="stable")[: 2 * LIKELY]):
-        good = k < LIKELY and odds[at] > odds.max() * ROUGH - FAR
-        (likely if good else rest).append(first[at])
-    for k, at in enumerate(np.argsort(far, kind="stable")[: 2 * FITTED]):
-        (likely if k < FITTED and far[at] < near else rest).append(others[at])
-    return [*likely, *sized, *always], rest
+    rest = list[Hypothesis]()
+    for some, by, count, limit in (
+        (first, -odds, LIKELY, FAR - ROUGH * odds.max(initial=0.0)),
+        (others, np.array(far), FITTED, near),
+    ):
+        for k, at in enumerate(np.argsort(by, kind="stable")[: 2 * count]):
+            (likely if k < count and by[at] < limit else rest).append(some[at])
+    return likely, rest
 
 
 def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
@@ -327,34 +326,32 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
 
     A row without a pose counts most.
     """
-    n, readings = case.robot.m, case.log.readings
-    read = np.flatnonzero(finite_rows(readings[:, :n]))
+    m, readings, model = case.robot.m, case.log.readings, case.robot.expected().stiff
+    read = np.flatnonzero(finite_rows(readings[:, :m]))
     rows = read[np.linspace(0, len(read) - 1, min(len(read), COMPARED)).astype(int)]
-    usual = case.robot.expected()
-    usual_at = usual.extended_positions(samples_or_home(usual, 20), errors="nan")
-    sigma = np.nanmedian(expect(case.robot, usual_at).sigma, axis=0) if usual.r else np.zeros(0)
-    result = np.zeros(len(every))
-    count = max(int(np.isfinite(readings[:, n:]).sum()), len(readings))
-    for k, of in enumerate(every):
-        model = usual if of.robot is case.robot else of.robot.expected()
+    usual = model.extended_positions(samples_or_home(model, 20), errors="nan")
+    sigma = np.nanmedian(expect(case.robot, usual).sigma, axis=0) if model.r else np.zeros(0)
+    count = max(int(np.isfinite(readings[:, m:]).sum()), len(readings))
+    result = []
+    for of in every:
         log = of.log.only(rows)
-        x = poses_of(model, log.readings[:, :n])
-        expected = _core.extended(model.stiff.core, x, False)[0]
-        off = _core.innovation(model.core, log.readings, expected)[0][:, n:]
-        each = np.log1p((off / sigma) ** 2)
-        off = np.where(np.isfinite(each), each, 30.0)[np.isfinite(log.readings[:, n:])]
-        far = float(off.mean()) if off.size else 30 * float(np.isnan(x).any(axis=1).mean())
+        x = poses_of(model, log.readings[:, :m])
+        expected = _core.extended(model.core, x, False)[0]
+        off = _core.innovation(model.core, log.readings, expected)[0][:, m:]
+        each = np.nan_to_num(np.log1p((off / sigma) ** 2), nan=WORST)
+        each = each[np.isfinite(log.readings[:, m:])] if model.r else WORST * np.isnan(x[:, 0])
+        far = float(each.mean()) if each.size else 0.0
         if log.measured is not None:
             far += outside.View(case.under(of).only(rows)).distance(log.measured)
-        result[k] = far * count - of.log_odds - of.density
-    return result
+        result.append(far * count - of.log_odds - of.density)
+    return np.array(result)
 
 
 def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     """Return the verdict: the first cause must explain the log, and be likelier than any other."""
-    causes = tuple(each.cause for each in found[:SHOWN])
     if not found or found[0].log_odds < DECISIVE:
         agrees = base is not None and consistent(base, REJECTED)
+        causes = tuple(each.cause for each in found[:SHOWN])
         return Search(Causes("none" if agrees else "unexplained", causes), found, base)
     best = found[0]
     near = [each for each in found if each.log_odds > best.log_odds - DECISIVE]
@@ -362,17 +359,16 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
     other = [each for each in near if all(each is not of for of in same)]
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
-    alike, number = len(same), len(near)
     # A step at the middle is there to rival slips. Alone it may be backlash, or any smooth error.
-    sided = any(of.kind == "side" for of in best.of.each)
-    slips = any(of.kind == "slip" for each in near for of in each.of.each)
-    if not causes[0].consistent or any(map(vague, near)) or (sided and not slips):
-        return Search(Causes("unexplained", causes, alike, number), found, base)
-    if not other:
-        return Search(Causes("decisive", causes, alike, number), found, base)
-    first, second = best.fit, other[0].fit
-    where = None if _alike(first, second) else separating(first, second)
-    return Search(Causes("undecided", causes, alike, number, where), found, base)
+    kinds = {of.kind for each in near for of in each.of.each}
+    sided = "slip" not in kinds and any(of.kind == "side" for of in best.of.each)
+    verdict: Verdict = "undecided" if other else "decisive"
+    if not causes[0].consistent or any(map(vague, near)) or sided:
+        verdict = "unexplained"
+    where = None
+    if verdict == "undecided" and not _alike(best.fit, other[0].fit):
+        where = separating(best.fit, other[0].fit)
+    return Search(Causes(verdict, causes, len(same), len(near), where), found, base)
 
 
 def _exchangeable(first: Explained, second: Explained) -> bool:
@@ -406,7 +402,5 @@ def separating(first: Calibration, second: Calibration) -> Array | None:
     q = first.robot.ikm(x, errors="nan")
     rows = np.hstack([q, np.zeros((len(q), first.robot.r))])
     a, b = (expect(of.robot, rows) for of in (first, second))
-    off = np.abs(a.expected - b.expected) / np.hypot(a.sigma, b.sigma)
-    if not np.isfinite(off).any():
-        return None
-    return np.asarray(x[np.nanargmax(np.nan_to_num(off).sum(axis=1))])
+    off = np.nan_to_num(np.abs(a.expected - b.expected) / np.hypot(a.sigma, b.sigma)).sum(axis=1)
+    return np.asarray(x[off.argmax()]) if off.any() else None
