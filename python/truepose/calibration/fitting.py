@@ -116,7 +116,6 @@ def _fit_upright(problem: Problem) -> Calibration:
                 every.shape[2],
                 every.reshape(len(every), -1),
                 getattr(_core.Loss, options.loss),
-                options.tuned,
                 problem.iterations,
                 full,
                 lines.known,

@@ -11,7 +11,7 @@ from truepose.calibration.registration import Registration, registration_of
 from truepose.exceptions import InputError, choose
 
 ModelError = Literal["on", "off"]
-Loss = Literal["squares", "student"]
+Loss = Literal["student", "squares"]
 CauseChoice = Literal["refuse", "apply", "ignore"]
 
 #: Student's degrees of freedom, by default.
@@ -75,7 +75,7 @@ class CalibrationOptions:
     """
 
     level: Level | None = None
-    loss: Loss = "squares"
+    loss: Loss = "student"
     tuning: float | None = None
     model_error: ModelError = "on"
     cause: CauseChoice = "refuse"
