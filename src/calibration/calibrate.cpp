@@ -48,8 +48,9 @@ class Calibrator {
 
   /// Maximum number of retries of rows that the last geometry excluded.
   static constexpr int kRounds = 10;
-  /// Steps at each scale of Student's loss; its scales; decisions about outliers.
-  static constexpr int kRough = 20, kScales = 20, kDecisions = 10;
+  /// Most steps by squares of all rows, and at each scale of Student's loss; most scales; most
+  /// decisions about outliers.
+  static constexpr int kFirst = 30, kRough = 20, kScales = 20, kDecisions = 10;
 
   std::vector<Coordinates> no_pull() const { return std::vector<Coordinates>(log_.count); }
 
@@ -63,8 +64,9 @@ class Calibrator {
     const std::vector<Status> status = result_.status;
     const Outliers none = out_ = {std::vector<char>(log_.count),
                                   std::vector<char>(log_.links.link.size())};
-    converge(now);
-    if (settings_.loss == Loss::squares) return;
+    const bool squares = settings_.loss == Loss::squares;
+    converge(now, squares ? settings_.iterations : kFirst);
+    if (squares) return;
     if (result_.outcome && now.outliers(log_.links, scale(now, kNoisy)) == none) return;
     now = start;
     rest_.assign(log_.count, {});
@@ -73,7 +75,7 @@ class Calibrator {
     out_ = rough(now);
     for (int k = 0; k < kDecisions; ++k) {
       include(now);
-      converge(now);
+      converge(now, settings_.iterations);
       if (!result_.outcome) return;
       const Outliers next = now.outliers(log_.links, scale(now));
       if (next == out_ || k == kDecisions - 1) return;
@@ -108,9 +110,9 @@ class Calibrator {
     return result;
   }
 
-  /// Descends by squares.
-  void converge(Iterate& now) {
-    last_iteration_ = result_.iterations + settings_.iterations;
+  /// Descends by squares, in at most so many steps.
+  void converge(Iterate& now, int most) {
+    last_iteration_ = result_.iterations + std::min(most, settings_.iterations);
     result_.outcome = descend(now);
     if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses
       include(now);
