@@ -278,7 +278,7 @@ def test_readings_noisier_than_stated_are_no_mistake_and_count_as_noisy(h4_z, no
 
 
 def test_a_misfit_that_no_cause_explains_enlarges_every_sigma(h4_z, noisy):
-    options = CalibrationOptions(cause="ignore", loss="squares")
+    options = CalibrationOptions(cause="ignore")
     plain = tp.calibrate(h4_z, noisy[1], options=options)
     fit = inflated(plain, "why")
     factor2 = plain.cost / (equations(plain) - 2)

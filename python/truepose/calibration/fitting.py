@@ -308,8 +308,8 @@ def misfit(fit: Calibration) -> float:
     """Return the factor by which a fit's σ are too small, at least 1.
 
     The least cost is χ² with f freedoms, f the number of equations. If σ of noise and tolerances
-    are known up to a common factor, its posterior mean square is cost / (f - 2). Where rows were left
-    out, the others' median χ² replaces the cost.
+    are known up to a common factor, its posterior mean square is cost / (f - 2). Where rows are
+    outliers, the others' median χ² replaces the cost.
     """
     rows = (fit.weights >= 0.1) & (fit.redundancy > 0)
     f = float(fit.redundancy[rows].sum())
