@@ -21,7 +21,7 @@ import numpy as np
 from printing import arguments
 
 import truepose as tp
-from truepose.calibration import log_checks
+from truepose.calibration import CalibrationOptions, log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.causes import parts
 from truepose.calibration.causes import search as causes
@@ -198,7 +198,7 @@ def searched(number: int, seed: int) -> Found:
     seconds = time.process_time() - begun
     first = result.found[: max(result.alike, 1)]
     right = any(kind in of.kind.split(", ") and words in of.text for of in first)
-    able = gained(Case(made.robot, log), kind, words) > SEEN
+    able = gained(Case(made.robot, log, CalibrationOptions(loss="squares")), kind, words) > SEEN
     ratio2, decisive = math.nan, result.verdict == "decisive"
     if decisive:
         fit = found[0].fit
