@@ -45,7 +45,8 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   int redundancy = 0;
   double chi2 = 0;
   for (int k = 0; k < log.rows; ++k)
-    if (fit.redundancy[k] > 0) redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
+    if (fit.redundancy[k] > 0 && fit.weight[k] > 0)
+      redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
   if (redundancy == 0) return {Status::not_measured};
   result.iterations = fit.iterations, result.cost = fit.cost;
   result.rms = std::sqrt(chi2 / redundancy);

@@ -62,8 +62,8 @@ class Calibrator {
   void search(Iterate& now) {
     const Iterate start{now.u, now.pose, no_pull()};
     const std::vector<Status> status = result_.status;
-    const Outliers none = out_ = {std::vector<char>(log_.count),
-                                  std::vector<char>(log_.links.link.size())};
+    const Outliers none =
+        out_ = {std::vector<char>(log_.count), std::vector<char>(log_.links.link.size())};
     const bool squares = settings_.loss == Loss::squares;
     converge(now, squares ? settings_.iterations : kFirst);
     if (squares) return;
@@ -408,8 +408,7 @@ class Calibrator {
     result_.pose = at.pose;
     result_.link.resize(log_.links.link.size());
     for (const LinkBlock& block : at.block)
-      for (int k = 0; k < block.size(); ++k)
-        result_.link[block.link[k]].weight = block.weight[k];
+      for (int k = 0; k < block.size(); ++k) result_.link[block.link[k]].weight = block.weight[k];
     const RowMatrix root = cholesky(at.step(loss_).information);
     const int parameters = p_ - settings_.nuisances;
     RowMatrix half(p_, parameters);

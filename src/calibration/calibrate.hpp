@@ -60,11 +60,11 @@ struct CalibrationResult {
   LogRows rows;  ///< at the end, if asked for
 };
 
-/// Batch calibration by Levenberg-Marquardt; deterministic. Where least squares leave a row that all
-/// others contradict (CalibrationIterate::outliers), the search begins again by Student's loss of
-/// residuals in units of their median, which then decreases: the initial error is no outlier, and
-/// gross errors never enter as squares. Then the outliers are left out, and least squares of the
-/// others decide again about every row, until no decision changes.
+/// Batch calibration by Levenberg-Marquardt; deterministic. Where least squares leave a row that
+/// all others contradict (CalibrationIterate::outliers), the search begins again by Student's loss
+/// of residuals in units of their median, which then decreases: the initial error is no outlier,
+/// and gross errors never enter as squares. Then the outliers are left out, and least squares of
+/// the others decide again about every row, until no decision changes.
 /// @param mean  of ξ, parameter_count(drawn) values
 CalibrationResult calibrate(Level level, const Robot& drawn, const Knowledge& prior,
                             const std::vector<double>& mean, const ReadingLog& log,

@@ -75,7 +75,8 @@ class Calibration(Shown):
     def __repr__(self) -> str:
         good = self.status == "ok"
         sensors = ", ".join(self.robot.sensors) or "no sensor"
-        chi2, freedom = (float(values[good].sum()) for values in (self.chi2, self.redundancy))
+        counts = good & (self.weights > 0)
+        chi2, freedom = (float(values[counts].sum()) for values in (self.chi2, self.redundancy))
         return "\n".join(
             [
                 f"{self.robot.name} calibrated on {good.sum()} of {good.size} lines of {sensors}, "

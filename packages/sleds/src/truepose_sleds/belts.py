@@ -39,9 +39,6 @@ READING = 1e-3
 #: Ratio of effective degrees of freedom of the median of N χ² of two degrees of freedom each to
 #: those of their mean: relative variances 1/(N log² 2) and 1/N.
 MEDIAN = np.log(2) ** 2
-#: Share of a fit's degrees of freedom that a row of median χ² takes, over that of the mean row: the
-#: robust loss weights it more (over simulated sleds, 16 to 88 rows).
-CENTRAL = 1.4
 #: Share of the width. Poses up to this far left of the middle count as right, since the machine
 #: tightens by its own x = 0.
 MIDDLE = 0.02
@@ -355,12 +352,11 @@ def _alone(sled: Sled) -> Array:
 def _disagreement(sled: Sled) -> float:
     """Return the ratio of the residuals' σ to the assumed one, from the median of χ².
 
-    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, of which a median row's share is
-    subtracted. A residual over a σ of f degrees of freedom is Student's t with variance f/(f - 2),
-    so σ is enlarged accordingly.
+    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, which are subtracted. A residual over a σ
+    of f degrees of freedom is Student's t with variance f/(f - 2), so σ is enlarged accordingly.
     """
     rows = np.flatnonzero(sled.fit.redundancy > 0)  # two degrees of freedom each
-    used = CENTRAL * (len(sled.unknowns) - np.trace(sled.by_prior))
+    used = len(sled.unknowns) - np.trace(sled.by_prior)
     left = max(1 - used / (2 * len(rows)), 0.1)
     f = max(2 * len(rows) * left * MEDIAN, 4.0)
     return float(sled.fit.disagreement(rows) * np.sqrt(1 / left * f / (f - 2)))
