@@ -64,22 +64,27 @@ class Calibrator {
     const std::vector<Status> status = result_.status;
     const Outliers none =
         out_ = {std::vector<char>(log_.count), std::vector<char>(log_.links.link.size())};
+    now.weigh(loss_, out_);
     const bool squares = settings_.loss == Loss::squares;
     converge(now, squares ? settings_.iterations : kFirst);
     if (squares) return;
     if (result_.outcome && now.outliers(log_.links, scale(now, kNoisy)) == none) return;
-    now = start;
-    rest_.assign(log_.count, {});
-    result_.status = status;
-    include(now);
-    out_ = rough(now);
-    for (int k = 0; k < kDecisions; ++k) {
+    const auto restart = [&] {
+      now = start;
+      rest_.assign(log_.count, {});
+      result_.status = status;
       include(now);
+    };
+    restart();
+    out_ = rough(now);
+    restart();  // converges as the log without its outliers does
+    for (int k = 0; k < kDecisions; ++k) {
       converge(now, settings_.iterations);
       if (!result_.outcome) return;
       const Outliers next = now.outliers(log_.links, scale(now));
       if (next == out_ || k == kDecisions - 1) return;
       out_ = next;
+      include(now);
     }
   }
 
@@ -102,10 +107,6 @@ class Calibrator {
     for (const LinkBlock& block : now.block)
       for (int k = 0; k < block.size(); ++k)
         result.link[block.link[k]] = block.weight[k] < kOutlier;
-    for (int k = 0; k < log_.count; ++k) {  // an early step may have taken its pose elsewhere
-      Pose pose = to_pose(robot_.mobility, robot_.home);
-      if (result.line[k] && place(k, pose) == Status::ok) now.pose[k] = pose;
-    }
     loss_ = {};
     return result;
   }
@@ -194,9 +195,12 @@ class Calibrator {
     for (int k = 0; k < log_.count; ++k) {
       Status& status = result_.status[k];
       if (status != Status::ok) {
+        Joint q{};
+        std::copy_n(log_.q_e + k * readings_, drawn_.motors, q.begin());
         for (const Pose& from : {home, guess}) {
           at.pose[k] = from;
-          status = place(k, at.pose[k]);
+          rest_[k] = {};
+          status = motors_pose(level_, robot_, q, at.pose[k], rest_[k]);
           if (status == Status::ok) break;
         }
         more = more || status == Status::ok;
@@ -205,13 +209,6 @@ class Calibrator {
       guess = status == Status::ok ? at.pose[k] : home;
     }
     return more;
-  }
-
-  /// Finds the pose of row k from its motors. @param pose  in: a guess
-  Status place(int k, Pose& pose) {
-    Joint q{};
-    std::copy_n(log_.q_e + k * readings_, drawn_.motors, q.begin());
-    return motors_pose(level_, robot_, q, pose, rest_[k] = {});
   }
 
   /// Evaluates every good row at this geometry and these poses.

@@ -235,6 +235,13 @@ TEST("a line that is out of the drawn robot's reach counts once the learnt one r
   const CalibrationResult result = scene.calibrate();
   for (const Status status : result.status) CHECK(status == Status::ok);
   check_level(scene, result);
+  scene.line(4)[n] += 0.1;
+  const CalibrationResult other = scene.calibrate();
+  CHECK(other.outcome);
+  for (int k = 0; k < scene.lines(); ++k) {
+    CHECK(other.status[k] == Status::ok);
+    CHECK(other.weight[k] == (k != 4));
+  }
 }
 
 TEST("a line whose sensors were not read teaches nothing, one without a motor is left out") {
