@@ -56,9 +56,7 @@ def sampled(effects: tp.Effects, seed: int) -> tuple[tp.Robot, tp.Robot, tp.Robo
     return (
         truth,
         allowed,
-        tp.calibrate(
-            allowed, readings, options=CalibrationOptions(cause="ignore", loss="squares")
-        ).robot,
+        tp.calibrate(allowed, readings, options=CalibrationOptions(cause="ignore")).robot,
     )
 
 

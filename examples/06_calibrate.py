@@ -3,7 +3,6 @@
 import numpy as np
 
 import truepose as tp
-from truepose.calibration import CalibrationOptions
 
 drawn = tp.load("h4").with_sensors("theta", "z_telemeter")
 real = drawn.sample(seed=2)  # a robot of unknown geometry
@@ -15,7 +14,7 @@ log = dict(
 )  # q1 … q4, theta, z_telemeter
 log["theta"][17] += 0.1  # a gross error, to be detected
 
-fit = tp.calibrate(drawn, log, options=CalibrationOptions(loss="student"))
+fit = tp.calibrate(drawn, log)
 print(*fit.notes, sep="\n")
 for name in ("chain1.rod", "chain1.arm", "chain1.base.x", "chain1.anchor.x"):
     p = fit.parameters[name]

@@ -13,13 +13,13 @@
 extern "C" {
 #endif
 
-/** Influence of gross errors: all, or almost none (Student's t, 4 degrees of freedom). */
-typedef enum truepose_loss { TRUEPOSE_LOSS_SQUARES = 0, TRUEPOSE_LOSS_STUDENT = 1 } truepose_loss;
+/** Influence of gross errors: none, rows that all others contradict are left out; or all. */
+typedef enum truepose_loss { TRUEPOSE_LOSS_STUDENT = 0, TRUEPOSE_LOSS_SQUARES = 1 } truepose_loss;
 
 /** Readings at unknown poses, m and rad, without padding between rows; NaN: not read. */
 typedef struct truepose_log {
   int32_t rows;
-  int32_t loss;             /**< a truepose_loss */
+  int32_t loss;             /**< a truepose_loss; 0 is the default */
   const double* readings;   /**< rows × (n + r) */
   const double* measured;   /**< rows × n: pose measured in the base frame; may be null */
   double measured_sigma[6]; /**< of every coordinate, > 0 */

@@ -8,11 +8,8 @@ using namespace truepose;
 
 namespace truepose::c {
 namespace {
-/// Student's degrees of freedom, as in Python.
-constexpr double kTuning = 4;
-
 Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepose_log& log) {
-  if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_STUDENT)
+  if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_SQUARES)
     return {Status::no_such_part};
   for (int k = 0; log.measured && k < dof(robot.mobility); ++k)
     if (!(log.measured_sigma[k] > 0)) return {Status::no_such_value, k};
@@ -41,14 +38,15 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
     readings.measured = log.measured, readings.measured_sigma = sigma.data();
   }
   CalibrationSettings settings;
-  settings.loss = static_cast<Loss>(log.loss), settings.tuning = kTuning;
+  settings.loss = static_cast<Loss>(log.loss);
   const CalibrationResult fit =
       truepose::calibrate(level_of(drawn), drawn, known, xi, readings, settings);
   if (!fit.outcome) return fit.outcome;
   int redundancy = 0;
   double chi2 = 0;
   for (int k = 0; k < log.rows; ++k)
-    if (fit.redundancy[k] > 0) redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
+    if (fit.redundancy[k] > 0 && fit.weight[k] > 0)
+      redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
   if (redundancy == 0) return {Status::not_measured};
   result.iterations = fit.iterations, result.cost = fit.cost;
   result.rms = std::sqrt(chi2 / redundancy);

@@ -25,7 +25,7 @@ class Calibrator {
         S_(p_, p_, prior.root),
         H_xi_(drawn.finished ? 2 * readings_ * parameter_count(drawn) : 0),
         rest_(log.count),
-        loss_(settings.loss, settings.tuning) {}
+        out_{std::vector<char>(log.count), std::vector<char>(log.links.link.size())} {}
 
   CalibrationResult run() {
     result_.status.assign(log_.count, Status::unreachable);
@@ -48,8 +48,9 @@ class Calibrator {
 
   /// Maximum number of retries of rows that the last geometry excluded.
   static constexpr int kRounds = 10;
-  /// Steps at each larger scale of a robust loss.
-  static constexpr int kRough = 20;
+  /// Most steps by squares of all rows, and at each scale of Student's loss; most scales; most
+  /// decisions about outliers.
+  static constexpr int kFirst = 30, kRough = 20, kScales = 20, kDecisions = 10;
 
   std::vector<Coordinates> no_pull() const { return std::vector<Coordinates>(log_.count); }
 
@@ -59,14 +60,61 @@ class Calibrator {
 
   /// Descends from here, over the rows whose status is ok.
   void search(Iterate& now) {
-    loss_.unit = settings_.loss == Loss::squares ? 1 : INFINITY;
-    do {  // graduated: from the median's scale down to the stated σ, where alone it must converge
-      loss_.unit = std::max(1.0, std::min(0.5 * loss_.unit, now.spread()));
-      const bool rough = loss_.unit > 1;
-      last_iteration_ = result_.iterations +
-                        (rough ? std::min(kRough, settings_.iterations) : settings_.iterations);
-      result_.outcome = descend(now);
-    } while (loss_.unit > 1 && result_.outcome.status != Status::not_finite);
+    const Iterate start{now.u, now.pose, no_pull()};
+    const std::vector<Status> status = result_.status;
+    const Outliers none =
+        out_ = {std::vector<char>(log_.count), std::vector<char>(log_.links.link.size())};
+    now.weigh(loss_, out_);
+    const bool squares = settings_.loss == Loss::squares;
+    converge(now, squares ? settings_.iterations : kFirst);
+    if (squares) return;
+    if (result_.outcome && now.outliers(log_.links, scale(now, kNoisy)) == none) return;
+    const auto restart = [&] {
+      now = start;
+      rest_.assign(log_.count, {});
+      result_.status = status;
+      include(now);
+    };
+    restart();
+    out_ = rough(now);
+    restart();  // converges as the log without its outliers does
+    for (int k = 0; k < kDecisions; ++k) {
+      converge(now, settings_.iterations);
+      if (!result_.outcome) return;
+      const Outliers next = now.outliers(log_.links, scale(now));
+      if (next == out_ || k == kDecisions - 1) return;
+      out_ = next;
+      include(now);
+    }
+  }
+
+  /// Scale of the noise: at least that stated.
+  static double scale(const Iterate& at, double most = INFINITY) {
+    return std::clamp(at.spread(), 1.0, most);
+  }
+
+  /// Descends by Student's loss at a scale that decreases to that of the median. @return outliers
+  Outliers rough(Iterate& now) {
+    for (int k = 0; k < kScales; ++k) {
+      loss_.unit = scale(now);
+      last_iteration_ = result_.iterations + std::min(kRough, settings_.iterations);
+      now.weigh(loss_, out_);
+      if (descend(now).status == Status::not_finite || scale(now) > 0.7 * loss_.unit) break;
+    }
+    Outliers result = out_;
+    for (int k = 0; k < log_.count; ++k)
+      result.line[k] = now.line[k].redundancy() > 0 && now.line[k].weight(loss_) < kOutlier;
+    for (const LinkBlock& block : now.block)
+      for (int k = 0; k < block.size(); ++k)
+        result.link[block.link[k]] = block.weight[k] < kOutlier;
+    loss_ = {};
+    return result;
+  }
+
+  /// Descends by squares, in at most so many steps.
+  void converge(Iterate& now, int most) {
+    last_iteration_ = result_.iterations + std::min(most, settings_.iterations);
+    result_.outcome = descend(now);
     if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses
       include(now);
       result_.outcome = descend(now);
@@ -175,7 +223,7 @@ class Calibrator {
       if (settings_.poll) settings_.poll();
     }
     at.block = linked(robot_.mobility, log_.links, result_.w.data(), prior_, at.pose, at.line);
-    at.weigh(loss_);
+    at.weigh(loss_, out_);
     return -1;
   }
 
@@ -198,7 +246,7 @@ class Calibrator {
       outside = {log_.measured + k * n_, log_.measured_sigma + k * n_,
                  referenced ? &kAligned : &result_.registration,
                  referenced ? -1 : settings_.registration};
-    line.certain = referenced;
+    line.certain = referenced, line.outlier = out_.line[k];
     const Influences given = influences_of(k);
     Extended q_e{};
     std::copy_n(log_.q_e + k * readings_, readings_, q_e.begin());
@@ -244,16 +292,13 @@ class Calibrator {
   }
 
   Outcome descend(Iterate& now) {
-    now.weigh(loss_);
     double damping = 0, current = now.cost(loss_);
     double promised = INFINITY;  // gain of the last undamped step
     int last = 0;
     const int freedoms = 1 + now.equations();
     while (result_.iterations < last_iteration_) {
       ++result_.iterations;
-      std::vector<double> counts;
-      for (const Line& line : now.line) counts.push_back(line.weight(loss_));
-      auto [information, right] = now.step(counts);
+      auto [information, right] = now.step(loss_);
       const double scatter = std::max(1.0, current / freedoms);  // 1 for a correct model
       for (int k = 0; k < p_; ++k) information(k, k) *= 1 + damping;
       const std::vector<double> step = solve_cholesky(cholesky(information), right);
@@ -359,20 +404,9 @@ class Calibrator {
     result_.u = at.u;
     result_.pose = at.pose;
     result_.link.resize(log_.links.link.size());
-    for (LinkBlock& block : at.block) {
-      std::vector<double> counts(block.size());
-      for (int k = 0; k < block.size(); ++k) {
-        result_.link[block.link[k]].weight = block.weight[k];
-        counts[k] = block.weight[k] < kOutlier ? kNothing : loss_.information(1);
-      }
-      block.weigh(counts);
-    }
-    std::vector<double> counts;
-    for (const Line& line : at.line)
-      counts.push_back(line.certain                    ? 1
-                       : line.weight(loss_) < kOutlier ? 0
-                                                       : loss_.information(line.redundancy()));
-    const RowMatrix root = cholesky(at.step(counts).information);
+    for (const LinkBlock& block : at.block)
+      for (int k = 0; k < block.size(); ++k) result_.link[block.link[k]].weight = block.weight[k];
+    const RowMatrix root = cholesky(at.step(loss_).information);
     const int parameters = p_ - settings_.nuisances;
     RowMatrix half(p_, parameters);
     for (int i = 0; i < p_; ++i)
@@ -388,6 +422,10 @@ class Calibrator {
     }
   }
 
+  /// Largest scale of noise, over that stated, that least squares of all rows may have: beyond it
+  /// gross errors may be many.
+  static constexpr double kNoisy = 2;
+
   const Level level_;
   const Robot& drawn_;
   const Knowledge& prior_;
@@ -400,7 +438,8 @@ class Calibrator {
   std::vector<double> H_xi_;
   std::vector<Parasitic> rest_;  ///< start of each row's solution (full level)
   std::vector<RowMatrix> D_;     ///< of each row's influences and nuisances
-  LineLoss loss_;
+  RowLoss loss_;
+  Outliers out_;
   int last_iteration_ = 0;
   CalibrationResult result_;
 };

@@ -1,7 +1,18 @@
 // One iterate of a batch calibration, and the equations of the step from it.
 #include "calibration/iterate.hpp"
 
+#include "math/chi2.hpp"
+
 namespace truepose {
+namespace {
+/// χ² that is exceeded with this probability, by degrees of freedom from 0.
+std::array<double, kMaxRows + 1> beyond(double probability) {
+  std::array<double, kMaxRows + 1> result{};
+  for (int m = 1; m <= kMaxRows; ++m) result[m] = chi2_beyond(probability, m);
+  return result;
+}
+}  // namespace
+
 int CalibrationIterate::equations() const {
   int sum = 0;
   for (const Line& each : line) sum += each.redundancy();
@@ -9,11 +20,12 @@ int CalibrationIterate::equations() const {
   return sum;
 }
 
-void CalibrationIterate::weigh(const LineLoss& loss) {
-  for (LinkBlock& each : block) each.weigh(loss);
+void CalibrationIterate::weigh(const RowLoss& loss, const Outliers& out) {
+  for (std::size_t k = 0; k < line.size(); ++k) line[k].outlier = out.line[k];
+  for (LinkBlock& each : block) each.weigh(loss, out.link);
 }
 
-double CalibrationIterate::cost(const LineLoss& loss) const {
+double CalibrationIterate::cost(const RowLoss& loss) const {
   double sum = dot(static_cast<int>(u.size()), u.data(), u.data());
   for (const Line& each : line)
     if (each.redundancy() > 0) sum += each.cost(loss);
@@ -22,17 +34,34 @@ double CalibrationIterate::cost(const LineLoss& loss) const {
 }
 
 double CalibrationIterate::spread() const {
+  const auto middle = beyond(0.5);
   std::vector<double> ratios;
   for (const Line& each : line)
-    if (each.redundancy() > 0 && !each.certain) ratios.push_back(each.misfit() / each.redundancy());
+    if (each.redundancy() > 0 && !each.certain && !each.outlier)
+      ratios.push_back(each.misfit() / middle[each.redundancy()]);
   for (const LinkBlock& each : block)
     for (int k = 0; k < each.size(); ++k)
-      ratios.push_back(each.y[k] * each.y[k] / (1 + each.shared(k, k)));
-  if (ratios.empty()) return 1;
-  return std::sqrt(median(ratios) / 0.455);  // the median of χ² with one degree of freedom
+      if (each.weight[k] > kNothing)
+        ratios.push_back(each.y[k] * each.y[k] / (1 + each.shared(k, k)) / middle[1]);
+  return ratios.empty() ? 1 : std::sqrt(median(ratios));
 }
 
-StepEquations CalibrationIterate::step(const std::vector<double>& counts) const {
+Outliers CalibrationIterate::outliers(const Links& links, double scale) const {
+  const RowMatrix root = cholesky(step({}).information);
+  const auto most = beyond(kFalse / static_cast<double>(line.size() + links.link.size()));
+  const double square = scale * scale;
+  std::vector<LinkResult> found(links.link.size());
+  for (const LinkBlock& each : block) cross_validate(links, each, root, found);
+  Outliers result;
+  for (const Line& each : line)
+    result.line.push_back(!each.certain && each.left_out(root) > square * most[each.redundancy()]);
+  for (const LinkResult& each : found)
+    result.link.push_back(each.left_out * each.left_out >
+                          square * most[1] * each.sigma * each.sigma);
+  return result;
+}
+
+StepEquations CalibrationIterate::step(const RowLoss& loss) const {
   const int p = static_cast<int>(u.size());
   RowMatrix B(equations(), p);
   std::vector<double> y;
@@ -40,9 +69,10 @@ StepEquations CalibrationIterate::step(const std::vector<double>& counts) const 
     add_scaled(p, root, from, B[static_cast<int>(y.size())]);
     y.push_back(root * value);
   };
-  for (std::size_t k = 0; k < line.size(); ++k)
-    for (int i = line[k].n; i < line[k].rows; ++i)
-      enter(std::sqrt(counts[k]), line[k].B[i], line[k].e[i]);
+  for (const Line& each : line)
+    if (each.redundancy() > 0)
+      for (int i = each.n; i < each.rows; ++i)
+        enter(std::sqrt(each.weight(loss)), each.B[i], each.e[i]);
   for (const LinkBlock& each : block) {
     RowMatrix own = each.B, right(each.size(), 1, each.y.data());
     solve_lower(each.C, own);

@@ -4,10 +4,18 @@
 #include "calibration/links.hpp"
 
 namespace truepose {
+inline constexpr double kFalse = 1e-3;
+
 /// Information on u, I + Σ c RᵀR, and the right side, Σ c Rᵀy - u.
 struct StepEquations {
   RowMatrix information;
   std::vector<double> right;
+};
+
+/// Rows and differences of a log that do not count.
+struct Outliers {
+  std::vector<char> line, link;
+  bool operator==(const Outliers&) const = default;
 };
 
 /// A geometry, its poses and the linearised readings there.
@@ -19,11 +27,13 @@ struct CalibrationIterate {
   std::vector<LinkBlock> block{};
 
   int equations() const;
-  void weigh(const LineLoss& loss);
-  double cost(const LineLoss& loss) const;
-  /// √(median of d²/r): robust scale of the rows' residuals.
+  void weigh(const RowLoss& loss, const Outliers& out);
+  double cost(const RowLoss& loss) const;
+  /// Robust scale of the residuals that count: √ of the median d² over that of χ².
   double spread() const;
-  /// @param counts  c of every row
-  StepEquations step(const std::vector<double>& counts) const;
+  StepEquations step(const RowLoss& loss) const;
+  /// Rows and differences whose error, predicted by all others that count, noise explains with a
+  /// probability below `kFalse` per log. @param scale  of the stated σ
+  Outliers outliers(const Links& links, double scale) const;
 };
 }  // namespace truepose

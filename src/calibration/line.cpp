@@ -21,12 +21,24 @@ double Line::away() const {
   return size;
 }
 
-double Line::cost(const LineLoss& loss) const {
-  return certain ? d2() : loss.cost(d2(), redundancy());
+double Line::cost(const RowLoss& loss) const {
+  return outlier ? 0 : certain ? d2() : loss.cost(d2(), redundancy());
 }
 
-double Line::weight(const LineLoss& loss) const {
-  return certain ? 1 : loss.factor(d2(), redundancy());
+double Line::weight(const RowLoss& loss) const {
+  return outlier ? 0 : certain ? 1 : loss.weight(d2(), redundancy());
+}
+
+double Line::left_out(const RowMatrix& root) const {
+  const int m = redundancy();
+  if (m == 0) return 0;
+  RowMatrix V = transposed(RowMatrix(m, B.cols(), B[n]));
+  solve_lower(root, V);
+  // Covariance of e; at least 1e-6, above rounding where the row alone determines u.
+  RowMatrix G = sum(RowMatrix::identity(m), transposed(V) * V, outlier ? 1 : -1);
+  for (int i = 0; i < m; ++i) G(i, i) += 1e-6;
+  const std::vector<double> own(e.begin() + n, e.begin() + rows);
+  return dot(m, own.data(), solve_cholesky(cholesky(G), own).data());
 }
 
 Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,

@@ -18,6 +18,7 @@ struct Line {
   Coordinates pull{};  ///< from other data on the pose (links.hpp): its best is at e = -pull
 
   bool certain = false;  ///< never an outlier: its pose is known
+  bool outlier = false;  ///< does not count
 
   int redundancy() const { return std::max(rows - n, 0); }
   double chi2() const;
@@ -28,8 +29,11 @@ struct Line {
   /// Within σ of the best pose chi2() is exact enough; misfit() would add the pose's lag behind ξ,
   /// which hides the gain of a step where σ is small and steps are not.
   double d2() const { return away() < 1 ? chi2() : misfit(); }
-  double cost(const LineLoss& loss) const;
-  double weight(const LineLoss& loss) const;
+  double cost(const RowLoss& loss) const;
+  double weight(const RowLoss& loss) const;
+  /// d² of its error predicted by all other rows: χ² of redundancy() degrees of freedom.
+  /// @param root  of the information on u by all rows that count, squares
+  double left_out(const RowMatrix& root) const;
 };
 
 /// Registration of a tracker that measures x in the base frame.

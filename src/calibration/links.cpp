@@ -11,8 +11,12 @@ void LinkBlock::weigh(std::vector<double> by) {
   C = cholesky(C);
 }
 
-void LinkBlock::weigh(const LineLoss& loss) {
-  weigh(std::vector<double>(size(), loss.factor(0, 1)));
+void LinkBlock::weigh(const RowLoss& loss, const std::vector<char>& outlier) {
+  const auto out = [&](int k) { return !outlier.empty() && outlier[link[k]]; };
+  std::vector<double> first(size(), 1.0);
+  for (int k = 0; k < size(); ++k)
+    if (out(k)) first[k] = kNothing;
+  weigh(first);
   for (int round = 0; round < 100; ++round) {
     const std::vector<double> z = solve_cholesky(C, y);
     std::vector<double> next(size());
@@ -20,8 +24,8 @@ void LinkBlock::weigh(const LineLoss& loss) {
     cost = 0;
     for (int k = 0; k < size(); ++k) {
       const double own = z[k] / weight[k];  // ε
-      cost += z[k] * (y[k] - own) + loss.cost(own * own, 1);
-      next[k] = std::max(loss.factor(own * own, 1), kNothing);
+      cost += z[k] * (y[k] - own) + (out(k) ? 0 : loss.cost(own * own, 1));
+      next[k] = out(k) ? kNothing : std::max(loss.weight(own * own, 1), kNothing);
       change = std::max(change, std::fabs(next[k] - weight[k]));
     }
     if (change < 1e-9) break;

@@ -75,9 +75,9 @@ struct LinkBlock {
 
   int size() const { return static_cast<int>(link.size()); }
   void weigh(std::vector<double> by);
-  /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
-  /// because a loss is a concave function of ε².
-  void weigh(const LineLoss& loss);
+  /// Weighs each link by the loss of its own ε, at the optimal ν; outliers by `kNothing`. Each
+  /// round lowers the cost, because a loss is a concave function of ε².
+  void weigh(const RowLoss& loss, const std::vector<char>& outlier = {});
 };
 
 /// Groups the links of known rows by shared rows. @param n  equations of a row with a pose

@@ -17,8 +17,8 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const Frame& base, const Frame& marker,
                      int registration, Optional<const Links> links, int influences,
-                     const Rows& influence, int loss, double tuning, int iterations, bool full,
-                     int referenced, bool rows) {
+                     const Rows& influence, int loss, int iterations, bool full, int referenced,
+                     bool rows) {
   RowMatrix x(static_cast<int>(q_e.shape(0)), dof(drawn.mobility));
   CalibrationResult result;
   {
@@ -31,9 +31,9 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                          {base, marker},
                          links_or_none(links),
                          referenced};
-    result = calibrate(
-        level(full), drawn, prior.view(), mean, log,
-        {influences, nuisances, registration, Loss{loss}, tuning, iterations, rows, Signals{}});
+    result =
+        calibrate(level(full), drawn, prior.view(), mean, log,
+                  {influences, nuisances, registration, Loss{loss}, iterations, rows, Signals{}});
   }
   std::vector<int> status;
   for (int i = 0; i < x.rows(); ++i) {

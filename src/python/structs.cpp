@@ -87,7 +87,7 @@ void bind_tables(nb::module_& m) {
         {"FeedForward", "none gravity full"},
         {"Gains", "diagonal inertia"},
         {"DisturbanceKind", "none payload friction contact"},
-        {"Loss", "squares student"},
+        {"Loss", "student squares"},
         {"LinkKind", "plane distance point"}})
     enumeration(m, name, nb::str(members));
 }

@@ -222,7 +222,7 @@ TEST("parameters, poses and links left out are those of all equations at once") 
 TEST("under a robust loss a block has the lowest cost of all its poses, each link its own weight") {
   Scene scene;
   scene.links.link[3].measured += 50;
-  const LineLoss loss(Loss::student, 4);
+  const RowLoss loss{1};
   for (LinkBlock& block : scene.blocks()) {
     block.weigh(loss);
     std::vector<Coordinates> nu(Scene::L);
@@ -244,7 +244,7 @@ TEST("under a robust loss a block has the lowest cost of all its poses, each lin
     CHECK_NEAR(block.cost, cost(), 1e-9 * cost());
     const std::vector<double> at_best = own();
     for (int k = 0; k < block.size(); ++k)
-      CHECK_NEAR(block.weight[k], std::max(loss.factor(at_best[k] * at_best[k], 1), kNothing),
+      CHECK_NEAR(block.weight[k], std::max(loss.weight(at_best[k] * at_best[k], 1), kNothing),
                  1e-8);
     constexpr double h = 1e-5;
     for (Coordinates& of : nu)

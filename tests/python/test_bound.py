@@ -146,8 +146,7 @@ def test_a_calibrated_robot_predicts_what_was_predicted_of_it(h4, table2):
     robot = h4.with_sensors("theta", "z_telemeter")
     poses = table2[::5]
     q_e = robot.expected().with_level("full").extended_positions(poses)
-    squares = tp.calibration.CalibrationOptions(loss="squares")
-    fit = tp.calibrate(robot, q_e, options=squares)
+    fit = tp.calibrate(robot, q_e)
     before = tp.accuracy(robot, poses, calibrated_on=poses)
     assert tp.accuracy(fit.robot, poses) == pytest.approx(before, rel=1e-3, abs=1e-12)
 

@@ -10,7 +10,7 @@ from fixtures import drawn_poses, refused, with_length_errors
 
 import truepose as tp
 from truepose import files, logs
-from truepose.calibration import CalibrationOptions, log_checks, review
+from truepose.calibration import log_checks, review
 from truepose.calibration.causes.hypothesis import Case
 from truepose.commands import options
 
@@ -73,11 +73,7 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
     ):
         assert text in out
     robot = tp.load(tmp_path / "mine.toml")
-    fit = tp.calibrate(
-        tp.load("h4").with_sensors("theta", "z_telemeter"),
-        readings,
-        options=CalibrationOptions(loss="student"),
-    )
+    fit = tp.calibrate(tp.load("h4").with_sensors("theta", "z_telemeter"), readings)
     assert robot.parameters == fit.robot.parameters
     page = (tmp_path / "mine.html").read_text(encoding="utf-8")
     assert page.count("data:image/svg+xml") == 3 and "not identified" in page
@@ -99,7 +95,7 @@ def test_postures_in_a_log_are_poses_that_were_measured(run, tmp_path):
 def test_the_figures_are_those_of_the_calibration(h4, readings):
     robot = h4.with_sensors("theta", "z_telemeter")
     log, _ = log_checks.check(robot, logs.of(robot, readings))
-    result = review.assess(Case(robot, log, CalibrationOptions(loss="student")))
+    result = review.assess(Case(robot, log))
     good = review.counted(result)
     assert good.sum() == 119 and not good[40]
     expected = robot.expected()
@@ -140,11 +136,9 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, refusal, readings, t
             ["h4", "log.csv", "--reference-pose", "0,0"],
             "--reference-pose 0,0: must be 4 numbers, x,y,z,theta",
         ),
-        (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
-        (["h4", "log.csv", "--loss", "squares", "--tuning", "4"], "tuning: loss 'squares' has"),
         (
             ["h4", "log.csv", "--loss", "cubes"],
-            "'cubes' is not one of 'squares', 'student'",
+            "'cubes' is not one of 'student', 'squares'",
         ),
         (["delta", "log.csv"], "nothing to calibrate from"),
     ],
@@ -276,7 +270,7 @@ def test_the_first_page_of_help_has_the_usual_options_and_the_second_has_all(run
     )
     assert len(first) <= 16 and first < every
     assert {"--level", "--loss", "--cause", "--known-pose", "--help-all"} <= first
-    assert {"--tuning", "--euler", "--touch-sigma", "--tool", "--shrinkage"} <= every - first
+    assert {"--euler", "--touch-sigma", "--tool", "--shrinkage"} <= every - first
 
 
 def test_arguments_of_0_5_are_options_now_and_say_so(h4, table2):

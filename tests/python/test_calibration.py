@@ -28,7 +28,7 @@ def test_the_calibration_is_the_maximum_a_posteriori(small):
     """Against scipy's least squares over all parameters and all poses at once."""
     robot, q_e, _ = small
     u, x, covariance, _ = maximum_a_posteriori(robot, q_e)
-    fit = tp.calibrate(robot, q_e, options=CalibrationOptions(loss="squares"))
+    fit = tp.calibrate(robot, q_e)
     change, stated = changes(fit)
     assert change == pytest.approx(u, abs=1e-5)
     assert fit.x == pytest.approx(x, abs=1e-9)

@@ -7,8 +7,6 @@ from fixtures import with_length_errors
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 
-ROBUST = CalibrationOptions(loss="student")
-
 
 @pytest.fixture(scope="module", params=[0, 2, 6])
 def spoilt(request, h4, table2):
@@ -35,12 +33,12 @@ def largest_shift(fit, clean):
 
 def test_gross_errors_hardly_move_any_parameter(spoilt):
     robot, q_e, lines = spoilt
-    fit = tp.calibrate(robot, q_e, options=ROBUST)
-    clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0), options=ROBUST)
+    fit = tp.calibrate(robot, q_e)
+    clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0))
     assert largest_shift(fit, clean) < 0.1
 
 
-@pytest.mark.parametrize(
+ROBOTS = pytest.mark.parametrize(
     ("name", "sensors"),
     [
         ("h4", ("theta", "z_telemeter")),
@@ -49,6 +47,23 @@ def test_gross_errors_hardly_move_any_parameter(spoilt):
         ("par4", ("theta",)),
     ],
 )
+
+
+@ROBOTS
+def test_without_gross_errors_the_result_is_that_of_squares(name, sensors, anywhere):
+    robot = tp.load(name).with_file(conditions=None).with_sensors(*sensors)
+    for seed in range(8):
+        q_e = robot.sample(seed).read(anywhere(robot, 80, np.random.default_rng(seed)), seed=seed)
+        fit, squares = (
+            tp.calibrate(robot, q_e, options=CalibrationOptions(loss=loss, cause="ignore"))
+            for loss in ("student", "squares")
+        )
+        assert len(fit.outliers) == 0 and fit.iterations == squares.iterations < 20
+        assert fit.robot.parameters == squares.robot.parameters
+        assert (fit.covariance == squares.covariance).all()
+
+
+@ROBOTS
 def test_a_fifth_of_gross_rows_is_left_out(name, sensors, anywhere):
     """Errors of 30 to 900 counts in one reading each: every such row is named, and no other's."""
     robot = tp.load(name).with_file(conditions=None).with_sensors(*sensors)
@@ -60,7 +75,7 @@ def test_a_fifth_of_gross_rows_is_left_out(name, sensors, anywhere):
         size = rng.uniform(30, 900, 16) * np.maximum(robot.resolution[column], 1e-4)
         spoilt = q_e.copy()
         spoilt[lines, column] += rng.choice([-1, 1], 16) * size
-        how = CalibrationOptions(loss="student", cause="ignore")
+        how = CalibrationOptions(cause="ignore")
         fit, clean = (
             tp.calibrate(robot, log, options=how) for log in (spoilt, np.delete(q_e, lines, axis=0))
         )
@@ -83,6 +98,6 @@ def test_squares_are_pulled_away_by_the_same_errors_or_find_no_end(spoilt):
 
 def test_every_gross_error_is_named(spoilt):
     robot, q_e, lines = spoilt
-    fit = tp.calibrate(robot, q_e, options=ROBUST)
+    fit = tp.calibrate(robot, q_e)
     named = set(fit.outliers) | set(np.flatnonzero(fit.status != "ok"))
     assert set(lines) <= named and len(named) < 2 * len(lines)

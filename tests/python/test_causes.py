@@ -135,7 +135,9 @@ def test_gross_errors_of_a_tracker_are_found_by_row(h4_z):
     measured = x + rng.normal(0, 2e-5, x.shape)
     bad = np.sort(rng.permutation(POSES)[:24])
     measured[bad, :3] += rng.normal(0, 0.03, (len(bad), 3))
-    fit = tp.calibrate(h4_z, rows, measured=measured, options=CalibrationOptions(cause="apply"))
+    assert tp.calibrate(h4_z, rows, measured=measured).outliers.tolist() == bad.tolist()
+    options = CalibrationOptions(cause="apply", loss="squares")
+    fit = tp.calibrate(h4_z, rows, measured=measured, options=options)
     assert f"gross errors in 24 of 60 rows: rows {bad[0] + 1}, " in fit.causes.text
     assert ((fit.redundancy > 0) == ~np.isin(np.arange(POSES), bad)).all()
 
@@ -266,7 +268,7 @@ def test_readings_noisier_than_stated_are_no_mistake_and_count_as_noisy(h4_z, no
 
 
 def test_a_misfit_that_no_cause_explains_enlarges_every_sigma(h4_z, noisy):
-    options = CalibrationOptions(cause="ignore", loss="squares")
+    options = CalibrationOptions(cause="ignore")
     plain = tp.calibrate(h4_z, noisy[1], options=options)
     fit = inflated(plain, "why")
     factor2 = plain.cost / (equations(plain) - 2)
@@ -312,7 +314,7 @@ def test_the_share_of_causes_tried_is_told(h4_z):
 
 def test_a_hypothesis_is_given_up_after_some_iterations(h4_z):
     log = log_checks.log_of(h4_z, read(h4_z, **{"chain1.encoder_offset": 0.09})[1])
-    case = Case(h4_z, log)
+    case = Case(h4_z, log, CalibrationOptions(loss="squares"))
     assert case.fit(case.nothing()).iterations > 2
     assert case.fit(case.nothing(), iterations=2) is None
     with refused("the search ended after 2 steps: not converged", tp.PoseError):

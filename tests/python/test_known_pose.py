@@ -7,7 +7,6 @@ import pytest
 from fixtures import drawn_poses
 
 import truepose as tp
-from truepose.calibration import CalibrationOptions
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import rotation
 
@@ -32,9 +31,6 @@ def read(robot, seed, poses):
 
 CALLS = {
     "with the log": lambda robot, q_e, known: tp.calibrate(robot, q_e, known_pose=known),
-    "with the log, robustly": lambda robot, q_e, known: tp.calibrate(
-        robot, q_e, known_pose=known, options=CalibrationOptions(loss="student")
-    ),
     "afterwards": lambda robot, q_e, known: tp.calibrate(
         tp.calibrate(robot, q_e).robot, known_pose=known
     ),

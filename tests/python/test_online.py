@@ -29,8 +29,8 @@ def apart(online, fit):
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
     _, q_e = lines
-    squares = CalibrationOptions(level=level, model_error="off", loss="squares")
-    fit = tp.calibrate(h4, q_e, options=squares)
+    options = CalibrationOptions(level=level, model_error="off")
+    fit = tp.calibrate(h4, q_e, options=options)
     online = tp.OnlineCalibrator(h4, level=level, model_error="off")
     online.observe(q_e)
     assert apart(online, fit) < 0.3

@@ -72,9 +72,7 @@ def test_a_mistake_of_an_outside_measurement_is_named(name, sensors, make, regis
     robot, _, readings, measured = read(name, *sensors)
     log = table(robot, readings, make(measured))
     with refused(said + r".*cause='apply' undoes it"):
-        tp.calibrate(
-            robot, log, options=CalibrationOptions(registration=registration, loss="student")
-        )
+        tp.calibrate(robot, log, options=CalibrationOptions(registration=registration))
 
 
 def test_an_undone_mistake_of_a_tracker_gives_the_robot_of_the_right_log():
@@ -171,9 +169,9 @@ def test_readings_that_nothing_explains_are_refused_under_every_loss():
     robot, _, readings, measured = read("stewart", "roll", "pitch")
     log = table(robot, readings, np.random.default_rng(1).permutation(measured))
     with refused(r"no known cause .* times their noise, at most 10"):
-        tp.calibrate(robot, log)
+        tp.calibrate(robot, log, options=CalibrationOptions(loss="squares"))
     with refused(r"times their noise|not converged", tp.TrueposeError):
-        tp.calibrate(robot, log, options=CalibrationOptions(loss="student"))
+        tp.calibrate(robot, log)
 
 
 # --- the robot as it reads in the last row

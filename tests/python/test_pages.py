@@ -6,7 +6,7 @@ import pytest
 from browsing import browser  # noqa: F401 – a fixture
 
 import truepose as tp
-from truepose.calibration import CalibrationOptions, review
+from truepose.calibration import review
 from truepose.calibration.causes.hypothesis import Case
 from truepose.commands import calibration_figures
 from truepose.simulation.simulated_log import simulate_log
@@ -20,7 +20,7 @@ def report(h4, tmp_path_factory):
     robot = h4.with_sensors("theta", "z_telemeter", "elbow1", "elbow2")
     q_e = simulate_log(robot, robot.sample(1), poses=40).q_e
     log = tp.logs.of(robot, dict(zip(robot.readings, q_e.T, strict=True)))
-    assessment = review.assess(Case(robot.expected(), log, CalibrationOptions(loss="student")))
+    assessment = review.assess(Case(robot.expected(), log))
     path = tmp_path_factory.mktemp("report") / "report.html"
     text = calibration_figures.page(assessment, "log.csv", "student")
     path.write_text(text, encoding="utf-8")

@@ -275,7 +275,7 @@ def test_poses_measured_from_outside_promise_what_they_teach(delta, registration
         readings,
         measured=plan.poses,
         measured_sigma=2e-5,
-        options=CalibrationOptions(registration=registration, loss="squares"),
+        options=CalibrationOptions(registration=registration),
     )
     P = tp.accuracy(fit.robot, plan.over)
     assert plan.sigma[-1, -1] == pytest.approx(P.rms, rel=0.01)
@@ -392,7 +392,7 @@ def test_the_command_goes_on_from_a_log(run, seeing, readings):
     np.savetxt("log.csv", readings, delimiter=",", header=header, comments="")
     words = ("plan", "h4", "--sensors", "theta,z_telemeter", "--candidates", "80", "--count", "3")
     rows = json.loads(run(*words, "--after", "log.csv", "--format", "json")[1])["plan"]
-    fit = tp.calibrate(seeing, readings, options=CalibrationOptions(loss="student"))
+    fit = tp.calibrate(seeing, readings)
     plan = tp.plan_poses(seeing, 3, candidates=80, after=fit)
     assert [row["position (mm)"] for row in rows] == pytest.approx(1e3 * plan.sigma[:, -1])
     alone = json.loads(run(*words, "--format", "json")[1])["plan"]

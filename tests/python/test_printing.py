@@ -13,7 +13,6 @@ import pytest
 from fixtures import refused
 
 import truepose as tp
-from truepose.calibration import CalibrationOptions
 from truepose.commands import cli, info, options
 from truepose.design import prediction
 from truepose.robot import label
@@ -161,7 +160,7 @@ def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     status, data, said = run("calibrate", "h4", "log.csv", "--format", "json")
     tables = json.loads(data)
     assert status == 0 and " uncertain parameters: " in said
-    fit = tp.calibrate(h4, readings, options=CalibrationOptions(loss="student"))
+    fit = tp.calibrate(h4, readings)
     for row in tables["parameters"]:
         known = fit.parameters[row["parameter"]]
         assert (row["value"], row["σ"]) == (known.value, known.sigma)

@@ -41,7 +41,7 @@ def log(request, tmp_path, anywhere):
     return hanging(tmp_path, ANCHORS + off), true.read(x, seed=request.param), x, measured
 
 
-def fitted(robot, q_e, measured, loss="squares"):
+def fitted(robot, q_e, measured, loss="student"):
     options = CalibrationOptions(registration="known", loss=loss)
     return tp.calibrate(robot, q_e, measured=measured, measured_sigma=1e-4, options=options)
 

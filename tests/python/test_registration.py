@@ -111,7 +111,6 @@ def test_any_rotation_is_a_good_start(h4, anywhere, rng, turn):
         true.read(x),
         measured=seen,
         measured_sigma=sigma_of(robot),
-        options=CalibrationOptions(loss="student"),
     )
     off = error(fit.registration, base, marker)
     assert np.abs(off[3:6]).max() < 0.01  # the base's own place is known to tolerances

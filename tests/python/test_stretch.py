@@ -143,11 +143,9 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     force = rng.uniform(0, 1, (80, 1)) * [0, 0, -400.0]
     q_e = read(true, x, force, 3)
 
-    squares = CalibrationOptions(loss="squares")
-
     def fitted(robot, rows):
         loads = tp.calibration.Payloads(force=force[rows])
-        return tp.calibrate(robot, q_e[rows], loads=loads, options=squares)
+        return tp.calibrate(robot, q_e[rows], loads=loads)
 
     both, first = fitted(robot, slice(None)), fitted(robot, slice(40))
     first.robot.save(tmp_path / "first.toml")

@@ -1,6 +1,5 @@
 """Baselines by truepose: one rod per chain (ideal), and every rod by itself (full)."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -95,24 +94,16 @@ def tolerances(robot: dict[str, Any]) -> dict[str, float]:
 def calibrated(
     robot: dict[str, Any], loaded: tp.Robot, level: str, log: dict[str, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return held-out poses and covariances, estimated from all readings after a calibration.
-
-    Student's loss; squares where that does not converge.
-    """
+    """Return held-out poses and covariances, estimated from all readings after a calibration."""
     measured, tracker = log["measured"], robot["tracker"]
     seen = {} if measured is None else {
         "measured": measured, "measured_sigma": tracker["position"],
     }  # fmt: skip
     options = CalibrationOptions(
         level=level,
-        loss="student",
         registration="known",
         measured_angle_sigma=tracker["angle"] if loaded.n >= 4 else None,
     )
-    try:
-        fit = tp.calibrate(loaded, log["calibration"], **seen, options=options)
-    except tp.PoseError:
-        options = replace(options, loss="squares")
-        fit = tp.calibrate(loaded, log["calibration"], **seen, options=options)
+    fit = tp.calibrate(loaded, log["calibration"], **seen, options=options)
     estimate = fit.robot.estimate(log["held_out"])
     return estimate.x, estimate.covariance

@@ -235,9 +235,7 @@ def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level)
     logs.write(run, tmp_path / "experiment.csv")
     log = logs.read(h4, tmp_path / "experiment.csv")
     assert np.isfinite(log.measured_sigma).all()
-    fit = tp.calibrate(
-        h4, log, options=CalibrationOptions(loss="student", level=level, model_error="on")
-    )
+    fit = tp.calibrate(h4, log, options=CalibrationOptions(level=level, model_error="on"))
     off = fit.registration.see(h4, fit.x, log.measured).residual / log.measured_sigma
     assert np.sqrt(np.mean(off**2)) < 1.3
     built = there.setup.registration

@@ -45,8 +45,6 @@ OUTLIERS = 0.1
 #: Disagreement of readings, in units of their noise, from which an unexplained fit is refused;
 #: below which it is that of a healthy robot, whose noise is not known better.
 APART, HEALTHY = 10.0, 2.0
-#: Note on a log that a robust loss cannot be fitted to and squares explain.
-NO_ROBUST = "the robust loss did not converge; squares explain all readings: calibrated with these"
 
 
 @moved.grouped(
@@ -173,9 +171,11 @@ def explained(
         return fit_to(case), none
     squares = case.options.loss == "squares"
     robust = None if squares or refused else case.fit(none)
-    if robust is not None and agrees(robust):
+    all_agree = robust is not None and not doubted(robust)  # then it is that of squares
+    if robust is not None and not all_agree and agrees(robust):
         return robust, none
-    causes, found, base = search(case, always=bool(refused), progress=progress)
+    base = robust if all_agree else None
+    causes, found, base = search(case, base=base, always=bool(refused), progress=progress)
     gross = any(of.kind == "gross errors" for of in causes.found[: causes.near])
     if gross and not squares:
         causes = replace(causes, verdict="none")  # the loss is for these
@@ -190,10 +190,7 @@ def explained(
     agree = base is not None and equations(base) > 0 and consistent(base, REJECTED)
     if refused and not (agree and all(log_checks.OUTSIDE in text for text in refused)):
         raise InputError(f"readings: {'; '.join(refused)}")
-    direct = squares or (robust is None and causes.verdict == "none" and not gross)
-    fit, of = unexplained(case, Search(causes, found, base), direct)
-    if direct and not squares:
-        fit = replace(fit, notes=(*fit.notes, NO_ROBUST))
+    fit, of = unexplained(case, Search(causes, found, base), squares or all_agree)
     if why := unsound(fit, of.kind == "tolerances"):
         said = causes.text or "the readings do not fit the robot"
         raise InputError(
@@ -264,6 +261,12 @@ def agrees(fit: Calibration) -> bool:
     few = len(fit.outliers) <= OUTLIERS * len(fit.status)
     known = suspicion(fit) < DECISIVE and not fit.departure.rejected
     return few and known and lost(fit) == 0 and misfit(fit) < NOTABLE
+
+
+def doubted(fit: Calibration) -> bool:
+    """Return whether a fit leaves out rows or measured differences as gross errors."""
+    between = fit.differences.each if fit.differences else ()
+    return bool(len(fit.outliers)) or any(of.weight < 0.1 for of in between)
 
 
 def contradicting(robot: Robot, log: Log) -> str:

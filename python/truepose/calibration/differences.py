@@ -75,7 +75,7 @@ class Found(NamedTuple):
     residual: Array  #: measured less expected, from all data
     left_out: Array  #: the same with this one left out, to first order
     left_out_sigma: Array  #: of `left_out`
-    weight: Array  #: about 1; below 0.1 where a robust loss found an outlier
+    weight: Array  #: 1; 0 of an outlier
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ class Calibration(Shown):
     residuals: Array  #: (N, n + r) read less expected
     chi2: Array  #: (N,) squared residuals of a line in units of σ, its pose fitted
     redundancy: Array  #: (N,) readings of a line beyond those that its pose takes
-    weights: Array  #: (N,) about 1; below 0.1 where a robust loss found an outlier; 0: left out
+    weights: Array  #: (N,) 1; 0 of an outlier and where left out
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
@@ -75,7 +75,8 @@ class Calibration(Shown):
     def __repr__(self) -> str:
         good = self.status == "ok"
         sensors = ", ".join(self.robot.sensors) or "no sensor"
-        chi2, freedom = (float(values[good].sum()) for values in (self.chi2, self.redundancy))
+        counts = good & (self.weights > 0)
+        chi2, freedom = (float(values[counts].sum()) for values in (self.chi2, self.redundancy))
         return "\n".join(
             [
                 f"{self.robot.name} calibrated on {good.sum()} of {good.size} lines of {sensors}, "

@@ -116,7 +116,6 @@ def _fit_upright(problem: Problem) -> Calibration:
                 every.shape[2],
                 every.reshape(len(every), -1),
                 getattr(_core.Loss, options.loss),
-                options.tuned,
                 problem.iterations,
                 full,
                 lines.known,
@@ -309,14 +308,14 @@ def misfit(fit: Calibration) -> float:
     """Return the factor by which a fit's σ are too small, at least 1.
 
     The least cost is χ² with f freedoms, f the number of equations. If σ of noise and tolerances
-    are known up to a common factor, its posterior mean square is cost / (f - 2). With a robust loss
-    the rows' median χ² replaces the cost.
+    are known up to a common factor, its posterior mean square is cost / (f - 2). Where rows are
+    outliers, the others' median χ² replaces the cost.
     """
     rows = (fit.weights >= 0.1) & (fit.redundancy > 0)
     f = float(fit.redundancy[rows].sum())
     if f <= 2:
         return 1.0
-    ratio2 = fit.disagreement(rows) ** 2 if fit.loss != "squares" else fit.cost / f
+    ratio2 = fit.disagreement(rows) ** 2 if len(fit.outliers) else fit.cost / f
     return math.sqrt(max(ratio2 * f / (f - 2), 1.0))
 
 

@@ -1,6 +1,5 @@
 """Options of a calibration."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -11,11 +10,8 @@ from truepose.calibration.registration import Registration, registration_of
 from truepose.exceptions import InputError, choose
 
 ModelError = Literal["on", "off"]
-Loss = Literal["squares", "student"]
+Loss = Literal["student", "squares"]
 CauseChoice = Literal["refuse", "apply", "ignore"]
-
-#: Student's degrees of freedom, by default.
-TUNING = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +26,9 @@ class CalibrationOptions:
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod; by default full where the robot has it
         (:attr:`Robot.highest_level`). The calibrated robot keeps it.
-    loss : {"squares", "student"}
-        Influence of a gross error: all, or almost none. Squares are 1 % more accurate on readings
-        without gross errors (30 H4s).
-    tuning : float, optional
-        Student's degrees of freedom, 4 by default.
+    loss : {"student", "squares"}
+        Influence of a gross error: none, or all. Both are least squares where no row contradicts
+        all others. Rows that do are found by Student's loss, and left out.
     model_error : {"on", "off"}
         Whether to allow, at the ideal level, for the errors that it omits: axis errors that tilt
         the platform and turn its bars, by the file's tolerances. The calibrated robot's estimates
@@ -61,7 +55,7 @@ class CalibrationOptions:
     Raises
     ------
     InputError
-        An unknown word, a tuning that is not greater than 0, or one of squares.
+        An unknown word.
 
     Examples
     --------
@@ -69,14 +63,13 @@ class CalibrationOptions:
     >>> from truepose.robot.workspace import workspace_grid
     >>> robot = tp.load("h4")
     >>> readings = robot.sample(seed=1).read(workspace_grid(robot))
-    >>> options = tp.calibration.CalibrationOptions(loss="student", level="ideal")
+    >>> options = tp.calibration.CalibrationOptions(level="ideal")
     >>> tp.calibrate(robot, readings, options=options).level
     'ideal'
     """
 
     level: Level | None = None
-    loss: Loss = "squares"
-    tuning: float | None = None
+    loss: Loss = "student"
     model_error: ModelError = "on"
     cause: CauseChoice = "refuse"
     registration: Literal["unknown", "known"] | Registration = field(
@@ -90,13 +83,4 @@ class CalibrationOptions:
         for name, words in (("loss", Loss), ("model_error", ModelError), ("cause", CauseChoice)):
             if getattr(self, name) not in get_args(words):
                 raise InputError(choose(name, getattr(self, name), get_args(words)))
-        if not (math.isfinite(self.tuned) and self.tuned > 0):
-            raise InputError(f"tuning = {self.tuning}: must be a number greater than 0")
-        if self.tuning is not None and self.loss == "squares":
-            raise InputError("tuning: loss 'squares' has none; leave it out, or loss='student'")
         registration_of(self.registration)
-
-    @property
-    def tuned(self) -> float:
-        """Tuning of the loss, by default TUNING."""
-        return TUNING if self.tuning is None else self.tuning

@@ -45,7 +45,7 @@ def command(
     plot: Path | None = options.plot_option("each parameter's change and σ", hidden=True),
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
-    fit: Annotated[CalibrationOptions, FIRST] = CalibrationOptions(loss="student"),
+    fit: Annotated[CalibrationOptions, FIRST] = CalibrationOptions(),
     measured_sigma: str | None = Option(
         None,
         help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
@@ -168,7 +168,7 @@ def _read(
         where, table = log, logs.read(robot, log, columns, fit.euler)
     elif known_pose is not None and known is not None:
         where, table, known = known_pose, known, None
-        fit = replace(fit, registration="known", loss="squares")
+        fit = replace(fit, registration="known")
     else:
         raise InputError("LOG: none; give a log of readings, --known-pose, or both")
     logs.orientation.require_used(fit.euler, *(each.form for each in (table, known) if each))

@@ -9,7 +9,6 @@ from truepose import logs
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
-from truepose.calibration.options import CalibrationOptions
 from truepose.commands import options
 from truepose.commands.where import ConditionsOption, Where, under
 from truepose.design.candidates import COUNT, CandidatePoses
@@ -100,12 +99,7 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
     """Calibrate on a log as `truepose calibrate` does; with contacts, without distances."""
     log = logs.read(robot, path)
     try:
-        return calibrate(
-            robot,
-            log,
-            differences=Between().of(robot, log),
-            options=CalibrationOptions(loss="student"),
-        )
+        return calibrate(robot, log, differences=Between().of(robot, log))
     except InputError as error:
         raise InputError(f"{path}: {options.of_log(error)}") from None
 

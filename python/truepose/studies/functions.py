@@ -40,7 +40,7 @@ def calibration(case: Case) -> dict[str, Answer]:
     robot, true, rng = case.robot, case.true, case.rng
     others, noise = workspace_samples(robot, ASKED, rng), rng.integers(2**31, size=2)
     learnt = workspace_samples(robot, case.values.get("poses", LEARNT), rng)
-    options = CalibrationOptions(cause="ignore", loss="squares")  # the bound's
+    options = CalibrationOptions(cause="ignore")
     fit = calibrate(robot, true.read(learnt, int(noise[0])), options=options)
     found = fit.robot.estimate(true.read(others, int(noise[1]))).x
     bound = accuracy(robot, others, calibrated_on=learnt)

@@ -22,7 +22,6 @@ from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
 from truepose.calibration.influences import NuisanceParameter, stretch, tension
 from truepose.calibration.learnt import Learnt, calibrated
-from truepose.calibration.options import CalibrationOptions
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot import Robot, knowledge
@@ -35,16 +34,11 @@ BELTS = ("tl", "tr", "bl", "br")
 ANCHOR, OFFSET, EXTENSION, STRAIN = 0.3, 0.005, 0.2, 0.003
 #: σ of a belt's zero in models without offsets, m.
 NO_OFFSET = 1e-5
-#: Loss of every fit.
-ROBUST = CalibrationOptions(loss="student")
 #: Initial σ of a belt's reading, m; re-estimated from the log.
 READING = 1e-3
 #: Ratio of effective degrees of freedom of the median of N χ² of two degrees of freedom each to
 #: those of their mean: relative variances 1/(N log² 2) and 1/N.
 MEDIAN = np.log(2) ** 2
-#: Share of a fit's degrees of freedom that a row of median χ² takes, over that of the mean row: the
-#: robust loss weights it more (over simulated sleds, 16 to 88 rows).
-CENTRAL = 1.4
 #: Share of the width. Poses up to this far left of the middle count as right, since the machine
 #: tightens by its own x = 0.
 MIDDLE = 0.02
@@ -195,7 +189,7 @@ class Sled:
         return (robot.extended_positions(robot.fkm(right[:, :2])) - right)[:, 2:]
 
     def suspects(self) -> list[tuple[int, str, float]]:
-        """Return poses with low weight in the robust loss, the most suspect belt, and its error."""
+        """Return the poses that the fit left out, the most suspect belt, and its error."""
         result = []
         H_x, _ = self.fit.robot.linearize(np.nan_to_num(self.fit.x), errors="nan")
         for k in self.fit.outliers:
@@ -259,7 +253,7 @@ def calibrate(
         if (lost := np.isnan(x).any(axis=1)).any():
             raise PoseError(f"{lost.sum()} poses cannot be reached in a frame like that")
         acting = influences(robot if sled is None else sled.fit.robot, x, model.tightened)
-        fit = fit_to(Case(robot, log_of(lengths), ROBUST, influences=[*acting, *slips]))
+        fit = fit_to(Case(robot, log_of(lengths), influences=[*acting, *slips]))
         x = np.where(np.isfinite(fit.x), fit.x, x)
         sled = Sled(fit, lengths, x, model, sigma, tuple(slips))
         sigma = float(np.clip(sigma * _disagreement(sled), 1e-6, 0.1))
@@ -277,15 +271,15 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
     """Search belts that slipped; return the sled without their slips, and a line on each.
 
     The search (:func:`causes.search.search`) needs σ of a reading as it is without the slip: the
-    least σ that a slip of one belt leaves. Rows that are wrong by themselves are left to the robust
-    loss. What is not decisive, but for the belt, changes nothing; a line names slip and rival.
+    least σ that a slip of one belt leaves. Rows that are wrong by themselves are left to the fit.
+    What is not decisive, but for the belt, changes nothing; a line names slip and rival.
     """
     said = list[str]()
     for _ in range(SLIPS):
         lengths = sled.undone
         read = np.where(_alone(sled)[:, None] & (np.arange(4) > 1), np.nan, lengths)
         acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
-        case = Case(sled.fit.prior, log_of(read, lines, word), ROBUST, influences=acting)
+        case = Case(sled.fit.prior, log_of(read, lines, word), influences=acting)
         fits = filter(None, map(case.fit, rows.slipped(case)))
         tried = [replace(sled, fit=fit, slips=()) for fit in fits]
         sigma = min([sled.sigma, *(sled.sigma * _disagreement(of) for of in tried)])
@@ -339,7 +333,7 @@ def _evidence(sled: Sled, sigma: float) -> float:
     """Return the log of a sled's marginal likelihood for this σ of a reading."""
     acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
     robot = robot_of(frame.start(sled.lengths), sigma, sled.model)
-    case = Case(robot, log_of(sled.lengths), ROBUST, influences=acting)
+    case = Case(robot, log_of(sled.lengths), influences=acting)
     return evidence(fit_to(case), case.nothing(), 2 * len(sled.lengths))
 
 
@@ -358,12 +352,11 @@ def _alone(sled: Sled) -> Array:
 def _disagreement(sled: Sled) -> float:
     """Return the ratio of the residuals' σ to the assumed one, from the median of χ².
 
-    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, of which a median row's share is
-    subtracted. A residual over a σ of f degrees of freedom is Student's t with variance f/(f - 2),
-    so σ is enlarged accordingly.
+    The unknowns use trace(I - Π⁻¹ Σ) degrees of freedom, which are subtracted. A residual over a σ
+    of f degrees of freedom is Student's t with variance f/(f - 2), so σ is enlarged accordingly.
     """
     rows = np.flatnonzero(sled.fit.redundancy > 0)  # two degrees of freedom each
-    used = CENTRAL * (len(sled.unknowns) - np.trace(sled.by_prior))
+    used = len(sled.unknowns) - np.trace(sled.by_prior)
     left = max(1 - used / (2 * len(rows)), 0.1)
     f = max(2 * len(rows) * left * MEDIAN, 4.0)
     return float(sled.fit.disagreement(rows) * np.sqrt(1 / left * f / (f - 2)))

@@ -11,7 +11,7 @@ from viser import GuiApi, uplot
 
 from truepose import logs
 from truepose.arguments import Array
-from truepose.calibration import CalibrationOptions, log_checks, review
+from truepose.calibration import log_checks, review
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.review import Assessment
@@ -72,7 +72,7 @@ def simulated_log(state: State, poses: int) -> Playback:
 
 
 def calibrated(played: Playback) -> Playback:
-    """Calibrate on the log with a robust loss, as `truepose calibrate` does.
+    """Calibrate on the log as `truepose calibrate` does.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def calibrated(played: Playback) -> Playback:
     >>> bool(after < before / 10)
     True
     """
-    case = Case(played.robot, played.log, CalibrationOptions(loss="student"))
+    case = Case(played.robot, played.log)
     assessment = review.assess(case, played.notes)
     return replace(played, assessment=assessment)
 

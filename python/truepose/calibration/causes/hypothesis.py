@@ -150,7 +150,7 @@ class Case(Problem):
     @cached_property
     def linear(self) -> Linear | None:
         """The log's rows about the calibration without a mistake, as far as that comes; or None."""
-        robot, options = self.robot, replace(self.options, loss="squares", tuning=None)
+        robot, options = self.robot, replace(self.options, loss="squares")
         exact = {
             name: PROBE
             for name, p in robot.parameters.items()

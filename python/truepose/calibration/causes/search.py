@@ -110,6 +110,7 @@ class Search(NamedTuple):
 def search(
     case: Case,
     *,
+    base: Calibration | None = None,
     always: bool = False,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Search:
@@ -117,11 +118,12 @@ def search(
 
     Nothing is searched, unless `always`, where log, tolerances and noise agree. Gross errors are a
     cause, so that the loss is that of squares. Two mistakes are searched where one alone explains
-    nothing. A long log is searched by some of its rows. `progress` is called with the share done.
+    nothing. A long log is searched by some of its rows. `base` is the fit by squares where that is
+    known. `progress` is called with the share done.
     """
-    case = replace(case, options=replace(case.options, loss="squares", tuning=None))
+    case = replace(case, options=replace(case.options, loss="squares"))
     none = case.nothing()
-    base = case.fit(none)
+    base = base or case.fit(none)
     if base is not None and not always and consistent(base, DOUBT) and suspicion(base) < DECISIVE:
         return Search(Causes("none"), [], base)
     some, count = _some(case), len(case.log.readings)
