@@ -225,7 +225,7 @@ LINES = np.arange(12, 40)
         (PlaneContacts(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
         (
             PlaneContacts(lines=LINES, sigma=1, height=(0, -1)),
-            r"^plane: height: 0, σ -1",
+            r"^plane: height: σ = -1",
         ),
         (
             DistanceMeasurements(pairs=[(1, 1)], measured=[1], sigma=1),

@@ -57,7 +57,7 @@ def test_a_payload_that_the_motors_cannot_hold_ends_the_run_with_its_log(h4):
         (("paylod", 0, 1.0), "unknown kind of disturbance 'paylod'"),
         (("payload", 0, -1.0), "size = -1.0: must be a finite number greater than 0"),
         (("payload", "now", 1.0), "payload: at = 'now': must be a finite number of at least 0"),
-        (("contact", 0, None, None, [np.nan] * 4), "must be finite numbers, one of every"),
+        (("contact", 0, None, None, [np.nan] * 4), "must be a finite number"),
         (("friction", 0, 1.0), "motor = None: of friction alone"),
         (("contact", 0, 1.0), "a contact has a force"),
         (("contact", 0.2, None, None, (1, 0, 0, 0), 0.1), "until = 0.1: of a contact"),

@@ -189,7 +189,7 @@ def test_a_wrong_posture_on_a_leaning_shank_is_named(ankle, given):
         wrong = true.ikm([0, 0.8 * DEGREE]) - true.ikm([0, 0])
         for name, by in zip(("q1", "q2"), wrong, strict=True):
             log[name][k] += by
-        with refused(f"^posture p{k}: row {k + 1}: contradicts the other 2"):
+        with refused(f"^posture p{k}: row {k + 1}: contradicts all other data"):
             zero(ankle, log, lean=given)
 
 

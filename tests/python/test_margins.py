@@ -31,7 +31,7 @@ def loops(robot, effects=None, law="tej", poses=None):
 def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups):
     robot, effects = h4.without_quantization(), Effects().only(*groups)
     loop = loops(robot, effects, law)
-    margin = loop.common(ControllerSettings(**SLOW))[0].more
+    margin = loop.margins(loop.together(ControllerSettings(**SLOW)))[0].more
     late = []
     for share in (0.93, 1.07):  # gains times k: poles times √k, damping times √k
         root = np.sqrt(share * margin)
@@ -57,7 +57,8 @@ def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups)
 def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_between(h4):
     loop = loops(h4, Effects().only("delay"))
     asked = [ControllerSettings(frequency=f, velocity_bandwidth=10 * f) for f in range(60, 150)]
-    poles = next(found for found in asked if 2.2 < loop.common(found)[0].delay < 2.8)
+    borne = {p: loop.margins(loop.together(p))[0].delay for p in asked}
+    poles = next(found for found, delay in borne.items() if 2.2 < delay < 2.8)
     radius = []
     for more in (2, 3):
         late = replace(loop.plants[0], late=1 + more)
@@ -69,8 +70,8 @@ def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
     chosen = gains.choose(h4, "tej", Effects(), ControllerSettings())
     found = loops(h4, poses=gains.poses(h4))
     assert len(found.plants) == 17 and found.stable(chosen).all()
-    of_each = sum(found.alone(chosen), found.common(chosen))
-    assert gains.kept(worst(of_each))
+    for loci in (found.together(chosen), found.alone(chosen)):
+        assert gains.kept(worst(found.margins(loci)))
 
 
 @pytest.mark.parametrize(
@@ -177,9 +178,9 @@ def test_margins_are_those_of_the_loops_that_they_name(h4):
     loop = loops(h4)
     asked = ControllerSettings(**SLOW)
     assert list(found.loops) == ["all motors", *(f"motor {i}" for i in "1234"), *h4.readings]
-    assert found.loops["all motors"] == loop.common(asked)
-    assert found.worst("motor 3") == loop.alone(asked)[0][2]
-    assert found.worst("theta") == loop.alone(asked)[0][h4.n + 4]
+    assert found.loops["all motors"] == loop.margins(loop.together(asked))
+    for name, k in (("motor 3", 2), ("theta", h4.n + 4)):
+        assert [found.worst(name)] == loop.margins(loop.alone(asked)[..., [k]])
     assert found.stable.tolist() == [True]
 
 

@@ -70,7 +70,8 @@ def test_four_postures_know_the_zero_twice_as_well_as_one(ankle):
     _, q = standing(ankle, 1)
     table = {"q1": [q[0, 0]] * 4, "q2": [q[0, 1]] * 4, "posture": list("abcd")}
     one, four = zero(ankle, q, sigma=FLAT / 2), zero(ankle, table)
-    assert [m.sigma for m in four.motors] == pytest.approx([m.sigma for m in one.motors])
+    own = pytest.approx([m.sigma for m in one.motors], rel=1e-5)  # four average their counts, too
+    assert [m.sigma for m in four.motors] == own
 
 
 def test_the_lines_of_a_posture_measure_it_once_for_a_calibration(ankle):
@@ -238,7 +239,7 @@ def test_a_line_without_all_its_motors_is_left_out(ankle):
 def test_a_sensor_that_missed_a_line_is_read_on_the_others():
     ankle = tp.load("g1-ankle").with_sensors("roll_encoder")
     log = flat(roll_encoder=[np.nan, 0.001, 0.001, 0.001])
-    assert zero(ankle, log).fit.redundancy.tolist() == [3]
+    assert zero(ankle, log).fit.redundancy.tolist() == [3, 3]
 
 
 @pytest.mark.parametrize("readings", [[0, 0, 0], np.zeros((2, 3)), np.zeros((1, 2, 2))])
@@ -284,7 +285,7 @@ def test_a_posture_that_contradicts_the_others_is_named_and_refused(ankle):
         log, wrong = three(ankle, seed, 12), np.random.default_rng(seed)
         wrong.standard_normal((3, 2))
         k = wrong.integers(3)
-        said = f"^posture {'abc'[k]}: row {k + 1}: contradicts the other 2: .* roll \\+0.[4-9]"
+        said = f"^posture {'abc'[k]}: row {k + 1}: contradicts all other data: .* roll \\+0.[4-9]"
         with refused(said):
             zero(ankle, log)
         rest = {name: np.delete(column, k) for name, column in log.items()}
@@ -295,7 +296,7 @@ def test_of_two_postures_that_contradict_each_other_both_are_named(ankle):
     log = {name: column[:2] for name, column in three(ankle, 1, 0).items()}
     zero(ankle, log)
     log["q1"] = log["q1"] + [0.0, 0.03]
-    with refused(r"posture .: row .: contradicts posture .: row .: .* both"):
+    with refused(r"posture .: row .: contradicts .*; posture .: row .: contradicts"):
         zero(ankle, log)
 
 
@@ -308,7 +309,7 @@ def test_a_posture_at_another_angle_is_compared_with_the_others_too(ankle, rng):
     log["measured_roll"][3:] = np.nan
     zero(ankle, log)
     log["measured_pitch"][1] += 12 * FLAT
-    with refused(r"^row 2: contradicts the other 5: .* pitch -0\.[4-9]"):
+    with refused(r"^row 2: contradicts all other data: .* pitch -0\.[4-9]"):
         zero(ankle, log)
 
 

@@ -82,13 +82,13 @@ class Between:
                 planes = [(f"point {name}, {axis}", axis) for axis in linear]
             for called, axis in planes:
                 heights = tool[rows, AXES.index(axis)] - above
-                mean = float(np.median(heights[np.isfinite(heights)]))
+                mean = np.nan_to_num(np.median(heights[np.isfinite(heights)]))
                 result.append(
                     PlaneContacts(
                         lines=rows,
                         sigma=self.touch_sigma,
                         above=above,
-                        height=(mean if np.isfinite(mean) else 0.0, SPREAD),
+                        height=(float(mean), SPREAD),
                         slope_sigma=0.0 if column == POINT else self.tilt,
                         axis=axis,  # type: ignore[arg-type]
                         name=called,
@@ -99,12 +99,13 @@ class Between:
         at = {int(line): k for k, line in enumerate(log.lines)}
         kept = [of for of in self.distances if at.keys() >= set(of.lines)]
         if kept:
+            pairs, _, measured, sigma, times = zip(*kept, strict=True)
             result.append(
                 DistanceMeasurements(
-                    pairs=[(at[of.lines[0]], at[of.lines[1]]) for of in kept],
-                    measured=[of.measured for of in kept],
-                    sigma=[of.sigma for of in kept],
-                    times=[of.times for of in kept],
+                    pairs=[[at[line] for line in pair] for pair in pairs],
+                    measured=measured,
+                    sigma=sigma,
+                    times=times,
                     scale=(0.0, self.shrinkage),
                     width=(0.0, self.line_width),
                     name="distance",
@@ -132,9 +133,10 @@ class Between:
         """Return whether distances are mostly far beyond all places of the log."""
         place = self._places(robot, log)
         place = place[finite_rows(place)]
-        reach = np.linalg.norm(np.ptp(place, axis=0)) if len(place) else np.inf
-        sizes = [of.measured for of in self.distances]
-        return bool(sizes) and bool(np.median(sizes) > FAR * reach)
+        if not (self.distances and len(place)):
+            return False
+        reach = np.linalg.norm(np.ptp(place, axis=0))
+        return bool(np.median([of.measured for of in self.distances]) > FAR * reach)
 
     def _places(self, robot: Robot, log: Log) -> Array:
         """Return the tool's nominal position in each row, (N, 3), m; NaN without FKM."""

@@ -214,12 +214,12 @@ def after_visiting(
         beside=between.sigma if between else None,
         at_work=True,
     )
-    known_poses = visited[:0] if touched is None else touched
+    touched = visited[:0] if touched is None else touched
     B, _, status, _ = _core.rows_of_visits(
         model.core,
         known.core,
-        np.concatenate([visited, known_poses]),
-        np.concatenate([np.full_like(visited, np.nan), known_poses]),
+        np.concatenate([visited, touched]),
+        np.concatenate([np.full_like(visited, np.nan), touched]),
         np.array([reference_sigma or [1.0] * robot.n]),
         np.eye(4),
         np.eye(4),
@@ -227,18 +227,16 @@ def after_visiting(
         between.core if between else None,
         full,
         known.nuisances,
-        conditions.together(model, full, {"calibration": visited, "reference": known_poses}),
+        conditions.together(model, full, {"calibration": visited, "reference": touched}),
     )
     if status:  # raises for the pose concerned
         prior = knowledge.knowledge(robot, level=level, error=model_error, at_work=True)
         _bound(model, prior, visited, lead, level, "raise", "calibrated_on")
         raise PoseError(f"{robot.name}: model_error: {_core.describe(status)} at the full level")
-    # With u the parameters in units of the prior's root S, Σ_u⁻¹ = I + SᵀBᵀBS = U Uᵀ, U upper
-    # triangular (Cholesky from the last parameter to the first); S U⁻ᵀ is lower triangular.
+    # With u the parameters in units of the prior's root S, Σ_u⁻¹ = I + SᵀBᵀBS = L Lᵀ.
     S = known.core.root
-    information = np.eye(len(S)) + S.T @ (B.T @ B) @ S
-    U = np.linalg.cholesky(information[::-1, ::-1])[::-1, ::-1]
-    return known.own(S @ np.linalg.inv(U.T))
+    L = np.linalg.cholesky(np.eye(len(S)) + S.T @ (B.T @ B) @ S)
+    return known.own(knowledge.triangular(np.linalg.solve(L, S.T).T))
 
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, finite_rows
 from truepose.robot import Robot, angles, conditions, knowledge, workspace_samples
 from truepose.robot import compliance as compliances
 
@@ -42,65 +42,64 @@ def changes(robot: Robot) -> list[Change]:
     ['warm-up', 'wear', 'payload']
     """
     known = robot.with_calibration(None).parameters
-    names = [name for name in knowledge.uncertain(robot) if known[name].sigma > 0]
+    size = {n: known[n].sigma for n in knowledge.uncertain(robot) if known[n].sigma > 0}
 
     def own(*ends: str) -> list[tuple[str, list[dict[str, float]]]]:
-        return [(n, [{n: known[n].sigma}]) for n in names if n.endswith(ends)]
+        return [(n, [{n: by}]) for n, by in size.items() if n.endswith(ends)]
 
     homed, sensors, bent = own(".encoder_offset"), own(".offset"), own(".rod", ".arm", ".length")
     for sensor in robot.sensors:
-        steps = [{n: known[n].sigma} for n in names if n.startswith(f"{sensor}.")]
+        steps = [{n: by} for n, by in size.items() if n.startswith(f"{sensor}.")]
         if len(steps) > 1:  # more than its offset
             sensors.append((sensor, steps))
-    for n in names:
+    for n, by in size.items():
         chain, _, key = n.rpartition(".")
-        if key == "rod" and (pair := f"{n}_difference") in names:  # one rod of a pair
-            size = known[n].sigma
-            for sign, side in ((1, "+"), (-1, "-")):
-                bent.append((f"{chain}{side}.rod", [{n: size / 2, pair: sign * size}]))
+        if key == "rod" and (pair := f"{n}_difference") in size:  # one rod of a pair
+            for side, sign in {"+": by, "-": -by}.items():
+                bent.append((f"{chain}{side}.rod", [{n: by / 2, pair: sign}]))
     found = [
         Change(name, tuple(steps), SELDOM / len(kind))
         for kind in (homed, sensors, bent)
         for name, steps in kind
     ]
-    by: dict[str, list[dict[str, float]]] = {}
-    for name, step in _conditions(robot).items():
+    common: dict[str, list[dict[str, float]]] = {}
+    for name, step in _conditions(robot, size).items():
         kind = name.partition(".")[0]
         warm = kind in ("temperature", "warm_up", "gradient")
         every = zip(robot.parameters, step.tolist(), strict=True)
-        moves = {n: size for n, size in every if size and n in names}
+        moves = {n: by for n, by in every if by and n in size}
         apart = {n.partition(".")[0] for n in moves} if kind == "gradient" else {""}
-        by.setdefault("warm-up" if warm else kind, []).extend(
-            {n: s for n, s in moves.items() if n.startswith(part)} for part in sorted(apart)
+        common.setdefault("warm-up" if warm else kind, []).extend(
+            {n: by for n, by in moves.items() if n.startswith(part)} for part in sorted(apart)
         )
-    for name, steps in by.items():
+    for name, steps in common.items():
         if any(steps):
             found.append(Change(name, tuple(steps), DAILY if name == "warm-up" else OFTEN))
     return found
 
 
-def _conditions(robot: Robot) -> dict[str, Array]:
+def _conditions(robot: Robot, size: dict[str, float]) -> dict[str, Array]:
     """Return the conditions' directions; a payload's is the constant one nearest to it at work."""
-    result = conditions.directions(robot)
-    amounts = conditions.known(robot)
-    if not any(one.source.startswith("payload") for one in amounts):
+    result, every = conditions.directions(robot), list(robot.parameters)
+    loads = [
+        (k, one)
+        for k, one in enumerate(conditions.known(robot))
+        if one.source.startswith("payload")
+    ]
+    if not loads:
         return result
-    names, every = knowledge.uncertain(robot), list(robot.parameters)
     x = workspace_samples(robot, POSES, np.random.default_rng(0))
     by = conditions.columns(robot, x, robot.is_full(robot.highest_level))
-    file = robot.with_calibration(None).parameters
-    tolerance = np.array([file[name].sigma for name in names])
-    sigma = knowledge.stated_sigma(robot, None)
-    H = knowledge.linearized(robot, x, names, "nan")[1] / sigma[:, None] * tolerance
-    usable = np.isfinite(H).all(axis=(1, 2)) & np.isfinite(by).all(axis=(1, 2))
-    F = H[usable].reshape(-1, len(names))
-    damped = F.T @ F + len(F) * 1e-6 * np.eye(len(names))
-    for k, one in enumerate(amounts):
-        if one.source.startswith("payload"):
-            wanted = one.sigma * (by[usable, :, k] / sigma).ravel()
-            result[one.name] = np.zeros(len(every))
-            at = [every.index(name) for name in names]
-            result[one.name][at] = tolerance * np.linalg.solve(damped, F.T @ wanted)
+    tolerance, sigma = np.array([*size.values()]), knowledge.stated_sigma(robot, None)
+    H = knowledge.linearized(robot, x, [*size], "nan")[1] / sigma[:, None] * tolerance
+    usable = finite_rows(H) & finite_rows(by)
+    F = H[usable].reshape(-1, len(size))
+    damped = F.T @ F + len(F) * 1e-6 * np.eye(len(size))
+    for k, one in loads:
+        wanted = one.sigma * (by[usable, :, k] / sigma).ravel()
+        result[one.name] = np.zeros(len(every))
+        at = [every.index(name) for name in size]
+        result[one.name][at] = tolerance * np.linalg.solve(damped, F.T @ wanted)
     return result
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_like, sigmas_of
+from truepose.arguments import Array, finite, numbers_like, sigmas_of
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot
@@ -109,7 +109,7 @@ class Differences:
         for given, of, s in zip(self.measured, self.found, size, strict=True):
             doubtful = (s > limit) & ((of.weight < 0.1) | (s == worst))
             names = [_named(given, at) for at in np.ndindex(s.shape)]
-            result += map(Each, names, *(v.ravel().tolist() for v in (*of, doubtful)))
+            result += map(Each, names, *np.reshape(of, (4, -1)).tolist(), doubtful.flat)
         return result
 
 
@@ -162,7 +162,7 @@ class Assembled:
         }
         parts = np.split(each, np.cumsum([math.prod(shape) for shape in self.shapes])[:-1])
         found = tuple(
-            Found(*(column.reshape(shape) for column in part.T))
+            Found(*part.T.reshape(-1, *shape))
             for part, shape in zip(parts, self.shapes, strict=True)
         )
         return Differences(self.given, found, unknowns, covariance, joint[np.ix_(geometry, at)])
@@ -186,10 +186,8 @@ def assemble(
 
     def add(of: str, *new: tuple[str, float, float]) -> int:
         for name, value, spread in new:
-            if not (math.isfinite(value) and math.isfinite(spread) and spread >= 0):
-                raise InputError(
-                    f"{of}: {name}: {value}, σ {spread}: must be a number, and 0 or greater"
-                )
+            finite(f"{of}: {name}", value)
+            finite(f"{of}: {name}: σ", spread, 0)
             unknowns.append((f"{of}.{name}", float(value), float(spread)))
         return len(unknowns) - len(new)
 

@@ -1,13 +1,16 @@
-"""Prediction of every reading from the motors alone, with its σ."""
+"""Prediction of every reading from the motors alone, with its σ; χ² tests of known poses."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array, Level, finite_rows
+from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import relieved
-from truepose.calibration.registration import Registered
+from truepose.calibration.learnt import chi2_quantile
+from truepose.calibration.registration import KNOWN, KnownPoses, Registered, sizes
 from truepose.robot import Payloads, Robot, compliance, knowledge
 
 #: Rows per batch.
@@ -24,6 +27,7 @@ class Expectation(NamedTuple):
     expected: Array  #: (N, k)
     residual: Array  #: (N, k) read less expected
     sigma: Array  #: (N, k) of the residual, from geometry and reading errors
+    by_reading: Array  #: (N, k, n + r) derivatives of the residual by errors of the readings
 
 
 def expect(
@@ -37,9 +41,10 @@ def expect(
 ) -> Expectation:
     """Predict every sensor and `measured` (N, n) from the motors, with this robot's parameters.
 
-    `registration` belongs to `measured`; `level` is by default the robot's highest. To first order
-    x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows. A sensor's residual is
-    [-J_r J, I] (H_ξ δξ + ν), a coordinate's ν_m - H_mx (x̂ - x) + H_mt δt, t the registration.
+    `registration` belongs to `measured`, by default the known one; `level` is by default the
+    robot's highest. To first order x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows.
+    A sensor's residual is [-J_r J, I] (H_ξ δξ + ν), a coordinate's ν_m - H_mx (x̂ - x) + H_mt δt, t
+    the registration.
     """
     if len(readings) > LINES:  # H_ξ takes kilobytes a row
         parts = []
@@ -66,18 +71,15 @@ def expect(
     if yielding := compliance.unknown(robot):
         at = compliance.under_load(robot, x, robot.is_full(level), **under)
         by_geometry[..., -len(yielding) :] = compliance.columns(robot, yielding, at.by_compliance)
-    S = knowledge.root(robot, names)
-    noise = knowledge.reading_sigma(robot)
-    if level == "ideal":
-        noise = np.hypot(noise, knowledge.stated_error(robot))
     J = np.full((len(x), n, m), np.nan)
     good = finite_rows(H_x)
     J[good] = np.linalg.pinv(H_x[good, :m])
     A = np.zeros((len(x), r, m + r))
     A[:, :, :m] = -H_x[:, m:] @ J
     A[:, :, m:] = np.eye(r)
-    if measured is not None and registration is not None:
-        seen, apart, H_mx, H_mt, blunt = registration.see(robot, x, measured)
+    if measured is not None:
+        by = registration or Registered.exact(*KNOWN.begin(), len(names))
+        seen, apart, H_mx, H_mt, blunt = by.see(robot, x, measured)
         measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()
         if robot.coordinates[-1][0] == "theta":
             measured_sigma[:, -1] *= blunt
@@ -85,11 +87,55 @@ def expect(
         A = np.concatenate([A, B], axis=1)
         expected = np.concatenate([expected, seen], axis=1)
         residual = np.concatenate([residual, apart], axis=1)
-    variance = ((A @ by_geometry @ S) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
-    if measured is not None and registration is not None:
-        shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
+    moved = A @ by_geometry @ knowledge.root(robot, names)
+    noise = A * knowledge.stated_sigma(robot, level)
+    variance = (moved**2).sum(axis=2) + (noise**2).sum(axis=2)
+    if measured is not None:
+        shared = B @ by_geometry @ by.cross * 2 + H_mt @ by.covariance
         variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
-    return Expectation(x, expected, residual, np.sqrt(variance))
+    return Expectation(x, expected, residual, np.sqrt(variance), A)
+
+
+def contradicting(
+    fit: Calibration,
+    known: KnownPoses,
+    where: Iterable[str],
+    false_alarms: float,
+    acting: Array | None = None,
+) -> list[str]:
+    """Return a line on each known pose that contradicts all other data (χ²), the worst first.
+
+    A calibration used K readings at these poses. Their residuals e = B δξ + ν, ν of covariance C,
+    have S = C - B Σ Bᵀ about the result; without its own influence each is C S⁻¹ e. `acting`,
+    (K, n + r, k), are patterns of the calibration's nuisance parameters.
+    """
+    robot, r, found = fit.robot, fit.robot.r, list[tuple[float, str]]()
+    if not len(known.x):
+        return []
+    seen = expect(robot, known.readings, known.x, level=fit.level)
+    _, by = knowledge.linearized(robot, seen.x, fit.names, "nan", fit.level)
+    covariance = fit.covariance
+    if acting is not None:
+        by, covariance = np.concatenate([by, acting], axis=2), fit.joint_covariance
+    noise = knowledge.stated_sigma(robot, fit.level) ** 2
+    apart = np.pad(known.sigma**2, ((0, 0), (r, 0)))
+    for e, A, H, own, name in zip(seen.residual, seen.by_reading, by, apart, where, strict=True):
+        told = np.isfinite(e)
+        B, off = A[told] @ H, np.full(len(e), np.nan)
+        C = A[told] * noise @ A[told].T + np.diag(own[told])
+        missed = np.linalg.solve(C - B @ covariance @ B.T, e[told])
+        off[told] = -C @ missed
+        chi2, limit = float(e[told] @ missed), chi2_quantile(1 - false_alarms, told.sum())
+        if chi2 > limit:
+            found.append(
+                (
+                    limit - chi2,
+                    f"{name}: contradicts all other data: by these the robot stood "
+                    f"{sizes(robot, off[r:], '+.3g')} from it (χ² = {chi2:.3g}, at most "
+                    f"{limit:.3g}): wrong pose, or tolerances?",
+                )
+            )
+    return [said for _, said in sorted(found)]
 
 
 def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:

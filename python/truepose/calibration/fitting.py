@@ -11,6 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, sigmas_of
 from truepose.calibration.differences import Difference, assemble
+from truepose.calibration.expectation import contradicting
 from truepose.calibration.fit import Calibration, LogRows
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
 from truepose.calibration.lean import Leaning, leaning_of
@@ -18,16 +19,15 @@ from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.options import CalibrationOptions, Loss
 from truepose.calibration.registration import (
     KnownPose,
+    KnownPoses,
     Registered,
     known_poses,
-    leave_one_out,
     measured_outside,
     registration_of,
-    rows_of,
 )
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
-from truepose.logs.reading import repeated
+from truepose.logs.reading import POSTURE, repeated
 from truepose.robot import Payloads, Robot, knowledge
 from truepose.robotfile.to_core import columns
 
@@ -69,7 +69,8 @@ def fit_to(problem: Problem) -> Calibration:
 def _fit_upright(problem: Problem) -> Calibration:
     """Identify a robot's geometry from a log of an upright base."""
     robot, options, influences = problem.robot, problem.options, problem.influences
-    names, own = knowledge.learnable(robot), len(knowledge.require_uncertain(robot))
+    require = knowledge.uncertain if problem.keeps_rows else knowledge.require_uncertain
+    names, own = knowledge.learnable(robot), len(require(robot))
     lines = _lines(problem)
     begun = registration_of(options.registration)
     frames = begun.sigma(robot, lines.outside) if lines.tracked else np.zeros(12)
@@ -164,7 +165,16 @@ def _fit_upright(problem: Problem) -> Calibration:
         beside=answer.covariance[np.ix_(others, np.concatenate([geometry, others]))],
         rows=LogRows(*answer.rows, geometry, acted) if problem.keeps_rows else None,
     )
-    notes = [*lines.notes, *(found.doubt if found else ()), *_contradictions(fit, lines)]
+    notes = [
+        *lines.notes,
+        *(found.doubt if found else ()),
+        *contradicting(
+            fit,
+            KnownPoses(*(of[lines.own :] for of in lines[:3])),
+            (f"known_pose: row {k + 1}" for k in range(lines.known)),
+            FALSE_ALARMS,
+        ),
+    ]
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
     return replace(fit, notes=(*notes, *fit.departure.doubt(believed)))
 
@@ -218,23 +228,6 @@ class _Lines(NamedTuple):
         return len(self.rows) - self.known
 
 
-def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
-    """Report known poses that contradict the other data (χ², 1 false alarm in 1000)."""
-    if not lines.known:
-        return []
-    of = slice(lines.own, None)
-    x = lines.outside[of]
-    near = fit.robot.fkm(lines.rows[of, : fit.robot.m], np.where(np.isnan(x), fit.robot.home, x))
-    rows = rows_of(fit.robot, fit.names, lines.rows[of], near, x, lines.outside_sigma[of])
-    judged = leave_one_out(fit.robot, rows, fit.covariance, np.zeros(len(fit.names)), FALSE_ALARMS)
-    return [
-        f"known_pose: row {k}: contradicts all other data: by these the robot stood {by} from it "
-        f"(χ² = {chi2:.3g}, at most {limit:.3g}): wrong pose, or tolerances?"
-        for k, (chi2, limit, by) in enumerate(judged, 1)
-        if chi2 > limit
-    ]
-
-
 def _lines(problem: Problem) -> _Lines:
     """Check the shapes; keep only the motor readings of repeated rows."""
     robot, log, rows = problem.robot, problem.log, problem.log.readings
@@ -252,6 +245,8 @@ def _lines(problem: Problem) -> _Lines:
     again = repeated(rows, outside, robot.m)
     if len(poses.x):  # which may repeat rows of the log
         again |= repeated(np.vstack([poses.readings, rows]), None, robot.m)[len(poses.x) :]
+    if (named := log.labels.get(POSTURE)) is not None:  # each posture counts
+        again[np.unique(named.astype(str), return_index=True)[1]] = False
     said = f"{log.at(np.flatnonzero(again), 5)}: identical to an earlier one: each counts once"
     notes = (said,) if again.any() else ()
     again = np.pad(again, (0, len(poses.x)))

@@ -1,6 +1,5 @@
 """Nuisance parameters: patterns that act on the readings, as of loads and earlier homings."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_like
+from truepose.arguments import Array, finite, numbers_like, positive
 from truepose.calibration.learnt import Learnt, calibrated
 from truepose.exceptions import InputError
 from truepose.robot import (
@@ -44,9 +43,8 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
     width = robot.m + robot.r
     result = np.zeros((lines, width, len(influences)))
     for k, of in enumerate(influences):
-        mean, sigma = of.amount
-        if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0):
-            raise InputError(f"{of.name}: amount {of.amount}: must be a mean, and σ greater than 0")
+        finite(f"{of.name}: amount", of.amount[0])
+        positive(f"{of.name}: σ of the amount", of.amount[1])
         if of.name in (other.name for other in influences[:k]):
             raise InputError(f"influences: {of.name} is there twice")
         pattern, lead = flattened(robot, of.pattern, width, of.name, "nan")
@@ -54,7 +52,7 @@ def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) 
             raise InputError(
                 f"{of.name}: pattern: shape {np.shape(of.pattern)}, must be ({lines}, {width})"
             )
-        result[:, :, k] = np.nan_to_num(pattern)
+        result[..., k] = np.nan_to_num(pattern)
     return result
 
 
@@ -119,9 +117,8 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
     0.02
     """
-    moved = numbers_like("sigma", sigma, (robot.m,), "0 or greater")
-    names = [robot.spec.of_motor(i, "encoder_offset") for i in range(robot.m)]
-    zeros = dict(zip(names, moved.tolist(), strict=True))
+    moved = numbers_like("sigma", sigma, (robot.m,), "0 or greater").tolist()
+    zeros = {robot.spec.of_motor(i, "encoder_offset"): by for i, by in enumerate(moved)}
     return relaxed(robot, zeros, "homed anew")
 
 
@@ -163,12 +160,9 @@ def at_other_temperature(robot: Robot) -> Robot:
     section = robot.spec.conditions
     if section is None or section.temperature[0] == section.temperature[1]:
         return robot
-    middle = section.temperature[0] / 2 + section.temperature[1] / 2
+    sure = section.model_copy(update={"temperature": (sum(section.temperature) / 2,) * 2})
     growth = conditions.common_growth(robot)
-    sure = section.model_copy(update={"temperature": (middle, middle)})
-    spec = robot.spec.model_copy(update={"conditions": sure})
-    mean = {name: p.value for name, p in robot.parameters.items()}
-    return relaxed(Robot(spec, mean), {}, "another temperature", growth)
+    return relaxed(robot.with_file(conditions=sure), {}, "another temperature", growth)
 
 
 def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> list[NuisanceParameter]:

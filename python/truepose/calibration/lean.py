@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, finite_rows
+from truepose.arguments import Array, finite_rows, numbers_like
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter
@@ -42,8 +43,7 @@ class Leaning:
     log: Log
     given: bool  #: σ is the user's, not assumed
     names: tuple[str, ...]  #: of the unknowns
-    axis: Array  #: (k,) 0 or 1, of :func:`truepose.robot.lean.axes`
-    rows: Array  #: (k, N) bool: on which each acts
+    acts: Array  #: (k, N, 2) of each per rad, about the axes of :func:`truepose.robot.lean.axes`
     sigma: Array  #: (k,) prior, rad
     amounts: Array  #: (k,) found so far, rad
 
@@ -55,13 +55,12 @@ class Leaning:
     @cached_property
     def read(self) -> Array:
         """Lean that a base IMU read, else 0, (N, 2)."""
-        leans = self.log.base_lean
-        return np.zeros((len(self.log.readings), 2)) if leans is None else leans
+        return np.zeros_like(self.acts[0]) if self.log.base_lean is None else self.log.base_lean
 
     @cached_property
     def about(self) -> Array:
         """Lean about which this is linearized, (N, 2), rad."""
-        return self.read + (self.amounts * self.rows.T) @ np.eye(2)[self.axis]
+        return self.read + np.tensordot(self.amounts, self.acts, 1)
 
     @cached_property
     def pose(self) -> Array:
@@ -80,17 +79,11 @@ class Leaning:
 
     def by_unknown(self, part: Array) -> Array:
         """Return a part of the effect, (N, m, 2), for each unknown, (N, m, k)."""
-        return np.asarray(part[:, :, self.axis] * self.rows.T[:, None])
+        return np.einsum("nma,kna->nmk", part, self.acts)
 
     def spread(self, part: Array) -> Array:
         """Return σ of a part of the effect, (N, m, 2), from the lean: (N, m)."""
         return np.linalg.norm(self.by_unknown(part) * self.sigma, axis=2)
-
-    def only(self, few: Array) -> Leaning:
-        """Return the unknowns of these numbers."""
-        names = tuple(np.array(self.names)[few].tolist())
-        kept = {name: getattr(self, name)[few] for name in ("axis", "rows", "sigma", "amounts")}
-        return replace(self, names=names, **kept)
 
     def upright(self) -> Log:
         """Return the log with readings and flat postures at this lean, and no columns of it."""
@@ -105,38 +98,32 @@ class Leaning:
     def unknowns(self) -> list[NuisanceParameter]:
         """Return the unknowns less what was found, in rad, as nuisance parameters."""
         patterns = np.moveaxis(self.by_unknown(self.effect.reading), 2, 0)
-        amounts = zip((-self.amounts).tolist(), self.sigma.tolist(), strict=True)
-        each = zip(self.names, patterns, amounts, strict=True)
-        return [NuisanceParameter(name=n, pattern=by, amount=amount) for n, by, amount in each]
+        each = zip(self.names, patterns, self.amounts.tolist(), self.sigma.tolist(), strict=True)
+        return [NuisanceParameter(name=n, pattern=by, amount=(-a, s)) for n, by, a, s in each]
 
     def fitted(self, fit: Callable[[Leaning], Calibration]) -> Calibration:
         """Fit, linearized anew about the lean found, until it stays; poses are the base's."""
         by, found = self, fit(self)
         for _ in range(_ROUNDS):
-            step = by._steps(found)
+            step = by.found(found)
             if np.abs(step).max() < _NEAR:
                 break
             by = replace(by, amounts=by.amounts + step)
             found = fit(by)
         return by._result(found)
 
-    def _steps(self, fit: Calibration) -> Array:
+    def found(self, fit: Calibration) -> Array:
+        """Return the unknowns' values, (k,), in a calibration."""
         return np.array([fit.influences[name].value for name in self.names])
 
     def _result(self, fit: Calibration) -> Calibration:
-        steps = self._steps(fit)
-        total = {
-            name: Learnt(0.0, float(sigma), float(amount), fit.influences[name].sigma)
-            for name, sigma, amount in zip(
-                self.names, self.sigma, self.amounts + steps, strict=True
-            )
-        }
-        common = [
-            f"{printed(of.value, 'rad', '+.2g')} ± {printed(of.sigma, 'rad', '.2g')} about "
-            f"{name[-1]}"
-            for name, of in total.items()
-            if "," not in name
-        ]
+        steps, total, common = self.found(fit), {}, []
+        for name, sigma, amount in zip(self.names, self.sigma, self.amounts + steps, strict=True):
+            of = Learnt(0.0, float(sigma), float(amount), fit.influences[name].sigma)
+            total[name] = of
+            if "," not in name:
+                value, spread = printed(of.value, "rad", "+.2g"), printed(of.sigma, "rad", ".2g")
+                common.append(f"{value} ± {spread} about {name[-1]}")
         notes = list(fit.notes)
         if common:
             measured = self.log.base_lean is not None
@@ -160,15 +147,17 @@ def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[floa
     if given is None:
         return (BIAS if measured else UNMEASURED if implied else 0.0), 0.0
     try:
-        values = np.atleast_1d(np.asarray(given, dtype=float))
-    except (TypeError, ValueError):
-        values = np.array([np.nan])
-    if values.shape not in ((1,), (2,)) or not ((values >= 0) & (values <= MOST)).all():
+        pair: Any = [given, 0.0] if np.ndim(given) == 0 else given
+        common, own = numbers_like("lean", pair, (2,))
+        good = min(common, own) >= 0 and max(common, own) <= MOST
+    except (InputError, TypeError, ValueError):
+        good = False
+    if not good:
         raise InputError(
             f"lean (--lean) = {given}: must be one angle, or two (common to the log, of each "
             "posture), 0 to 45° (rad)"
         )
-    return float(values[0]), float(values[1]) if len(values) == 2 else 0.0
+    return float(common), float(own)
 
 
 def require_effect(robot: Robot, log: Log, what: str) -> None:
@@ -194,19 +183,25 @@ def leaning_of(robot: Robot, log: Log, given: ArrayLike | None) -> Leaning | Non
     postures = implied.any(axis=1)
     if POSTURE in log.labels:
         postures |= stood(log.labels[POSTURE])
-    axes = [f"base lean about {'xyz'[k]}" for k in lean.axes(robot)]
-    each = [(name, k, np.ones(len(implied), dtype=bool), common) for k, name in enumerate(axes)]
-    each += [
-        (f"{name}, posture {row + 1}", k, np.arange(len(implied)) == row, own)
-        for row in np.flatnonzero(postures).tolist()
-        for k, name in enumerate(axes)
+    every = np.arange(len(implied))
+    each = [
+        (f"base lean about {'xyz'[axis]}{said}", rows[:, None] * np.eye(2)[k], sigma)
+        for said, rows, sigma in [
+            ("", every >= 0, common),
+            *((f", posture {row + 1}", every == row, own) for row in np.flatnonzero(postures)),
+        ]
+        for k, axis in enumerate(lean.axes(robot))
+        if sigma > 0
     ]
-    if not (each := [of for of in each if of[3] > 0]):
+
+    def leaning(of: list[tuple[str, Array, float]]) -> Leaning:
+        names, acts, sigma = zip(*of, strict=True)
+        own = np.array(acts), np.array(sigma), np.zeros(len(of))
+        return Leaning(robot.expected(), log, given is not None, names, *own)
+
+    if not each:
         return None
-    names, axis, rows, sigma = zip(*each, strict=True)
-    result = Leaning(
-        robot.expected(), log, given is not None, names, np.array(axis), np.array(rows),
-        np.array(sigma), np.zeros(len(names)),
-    )  # fmt: skip
-    acting = np.abs(result.by_unknown(result.effect.reading)).max(axis=(0, 1), initial=0) > _NOTHING
-    return result.only(np.flatnonzero(acting)) if acting.any() else None
+    result = leaning(each)
+    moved = np.abs(result.by_unknown(result.effect.reading)).max(axis=(0, 1), initial=0)
+    acting = [of for of, most in zip(each, moved, strict=True) if most > _NOTHING]
+    return leaning(acting) if acting else None

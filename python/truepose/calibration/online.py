@@ -1,6 +1,6 @@
 """Online (recursive) calibration, one row of readings at a time."""
 
-import fnmatch
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, sigmas_of
+from truepose.arguments import Array, Errors, Level, finite, selected, sigmas_of
 from truepose.calibration.cause import Causes
 from truepose.calibration.causes.hypothesis import Case
 from truepose.calibration.causes.search import search
@@ -105,8 +105,7 @@ class OnlineCalibrator:
         CalibrationOptions(model_error=model_error)  # refuses an unknown word
         self._error = model_error == "on"
         self._names = knowledge.require_uncertain(robot)
-        if not (np.isfinite(gate) and gate >= 0):
-            raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
+        finite("gate", gate, 0, " (σ)")
         if follow and not robot.r:
             raise InputError(f"{robot.name}: no sensor in use; with_sensors(name) adds one")
         self._changes = changes(self._robot) if follow else []
@@ -132,14 +131,8 @@ class OnlineCalibrator:
         for walk in walks:
             row = dict.fromkeys(self._names, 0.0)
             for pattern, rate in walk.items():
-                hit = fnmatch.filter(self._names, pattern)
-                if not hit:
-                    raise InputError("drift: " + choose("parameter", pattern, self._names))
-                if not (np.isfinite(rate) and (rate >= 0 or together)):
-                    raise InputError(
-                        f"drift: {pattern} = {rate}: must be at least 0 (m or rad a line)"
-                    )
-                row |= dict.fromkeys(hit, float(rate))
+                finite(f"drift: {pattern}", rate, -math.inf if together else 0, " (m or rad a row)")
+                row |= dict.fromkeys(selected("parameter", [pattern], self._names), float(rate))
             rows.append(list(row.values()))
         result = np.array(rows) if together else np.diag(rows[0])
         return result[result.any(axis=1)]

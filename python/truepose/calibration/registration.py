@@ -1,8 +1,7 @@
-"""External measurements and known poses: a tracker's frame and marker, and a χ² test."""
+"""External measurements and known poses: a tracker's frame and marker."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, logs
-from truepose.arguments import Array, numbers_like, sigmas_of
+from truepose.arguments import Array, finite_rows, numbers_like, positive, sigmas_of
 from truepose.calibration.bound import reference_sigmas
-from truepose.calibration.learnt import chi2_quantile
 from truepose.exceptions import InputError, choose
-from truepose.robot import Robot, flattened, frames, knowledge
+from truepose.robot import Robot, flattened, frames
 from truepose.robot.units import angles as angles_of
 from truepose.show import printed
 
@@ -44,22 +42,15 @@ class Registration:
 
     def __post_init__(self) -> None:
         if self.base is not None:
-            base = np.asarray(self.base, dtype=float)
-            good = base.shape == (4, 4) and np.isfinite(base).all()
-            R = base[:3, :3] if good else np.zeros((3, 3))
+            base = numbers_like("registration: base", self.base, (4, 4))
+            R = base[:3, :3]
             if not (np.allclose(R @ R.T, np.eye(3), atol=1e-9) and np.linalg.det(R) > 0):
                 raise InputError("registration: base: must be a homogeneous matrix, (4, 4)")
             object.__setattr__(self, "base", base)
             object.__setattr__(self, "base_sigma", (0.0, 0.0))
         for name in ("base_sigma", "marker_sigma"):
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != (2,) or not (np.isfinite(value) & (value >= 0)).all():
-                raise InputError(
-                    f"registration: {name} = {getattr(self, name)}: must be two numbers, m and "
-                    "rad, at least 0"
-                )
-        if np.shape(self.marker) != (3,) or not np.isfinite(self.marker).all():
-            raise InputError(f"registration: marker = {self.marker}: must be three numbers, m")
+            numbers_like(f"registration: {name}", [*getattr(self, name)], (2,), "0 or greater")
+        numbers_like("registration: marker", [*self.marker], (3,))
 
     def sigma(self, robot: Robot, measured: Array) -> Array:
         """Return σ of the unknowns, (12,); 0 if known or without effect on the measurements."""
@@ -151,24 +142,25 @@ class Registered:
         Marker coordinates that only shift with the base, because the platform does not rotate that
         way, are given as sums: "base + marker.z", whose two parts keep their priors.
         """
-        R, after = self.base[:3, :3], sigmas_of(self.covariance)
-        free = self.sigma[6:9] > 0
-        shared = free & (after[6:9] > UNSEEN * self.sigma[6:9]) & self.sigma[:3].any()
+        R, own = self.base[:3, :3], self.sigma[6:9]
+        left = sigmas_of(self.covariance)[6:9] > UNSEEN * own
+        shared = (own > 0) & left & self.sigma[:3].any()
         name, axes = "base", np.array(list("xyz"))
         if shared.any():
-            some = f".{''.join(axes[shared])}" if (free & ~shared).any() else ""
+            some = f".{''.join(axes[shared])}" if own[~shared].any() else ""
             name = f"base + marker{some}"
         on, one = R @ np.where(shared, self.marker[:3, 3], 0.0), np.eye(12)
-        base = np.hstack([np.eye(3), np.cross(on, np.eye(3)), R * shared, np.zeros((3, 3))])
-        rows = np.vstack([base, one[6:9][~shared], one[3:6], one[9:12]])
+        rows = one[[0, 1, 2, 6, 7, 8, 3, 4, 5, 9, 10, 11]]
+        rows[:3, 3:9] = np.hstack([np.cross(on, np.eye(3)), R * shared])
         turns = frames.rotation_vector([R, self.marker[:3, :3]])
-        values = [*(self.base[:3, 3] + on), *self.marker[:3, 3][~shared], *turns.ravel()]
-        names = [*(f"{name}, {c}" for c in axes), *(f"marker, {c}" for c in axes[~shared])]
+        values = [*(self.base[:3, 3] + on), *self.marker[:3, 3], *turns.ravel()]
+        names = [f"{part}, {c}" for part in (name, "marker") for c in axes]
         names += [f"{part}, r{c}" for part in ("base", "marker") for c in axes]
-        units = ["m"] * (len(names) - 6) + ["rad"] * 6
-        sigma = np.sqrt(((rows @ self.covariance) * rows).sum(axis=1))
-        numbers = np.array([values, sigma, np.linalg.norm(rows * self.sigma, axis=1)])
-        found = map(Known, names, units, *numbers.tolist())
+        units = np.repeat(["m", "rad"], 6).tolist()
+        sigma = np.sqrt((rows @ self.covariance * rows).sum(axis=1))
+        prior = np.linalg.norm(rows * self.sigma, axis=1)
+        prior[3:6][shared] = 0.0
+        found = map(Known, names, units, *np.array([values, sigma, prior]).tolist())
         return [known for known in found if known.prior_sigma]
 
 
@@ -198,26 +190,16 @@ def _require_turns(robot: Robot, rows: Array, what: str) -> None:
 def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, count: int) -> Array:
     """Return σ of each measured coordinate, (count, n), m and rad; see `truepose.calibrate`."""
     angles = angles_of(robot)
-    default = np.tile(np.where(angles, ANGLE_SIGMA, SIGMA), (count, 1))
-    result = default.copy()
+    result = np.tile(np.where(angles, ANGLE_SIGMA, SIGMA), (count, 1))
     if sigma is not None:
         lengths = np.ndim(sigma) == 0 and not angles.all()  # a rotational platform has none
-        try:
-            result[:, ~angles if lengths else slice(None)] = sigma
-        except ValueError:
-            raise InputError(
-                f"measured_sigma: must be a number, {robot.n} or ({count}, {robot.n}) of them"
-            ) from None
+        own = np.where(angles, result, sigma) if lengths else np.asarray(sigma, dtype=float)
+        if np.ndim(sigma) == 2:  # NaN: an empty cell of a log
+            own = np.where(np.isnan(own), result, own)
+        result = numbers_like("measured_sigma", own, result.shape, "greater than 0").copy()
     if angle_sigma is not None:
+        positive("measured_angle_sigma", angle_sigma, " (rad)")
         result[:, angles] = angle_sigma
-    if np.ndim(sigma) == 2:  # type: ignore[arg-type]  # NaN: an empty cell of a log
-        result = np.where(np.isnan(result), default, result)
-    for name, given, which in (
-        ("measured_sigma", sigma, ~angles),
-        ("measured_angle_sigma", angle_sigma, angles),
-    ):
-        if not (np.isfinite(result[:, which]) & (result[:, which] > 0)).all():
-            raise InputError(f"{name} = {given}: must be greater than 0 (m, rad)")
     return result
 
 
@@ -250,83 +232,23 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
     x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
     if len(readings) != len(x):
         raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
-    for k, (row, pose) in enumerate(zip(readings, x, strict=True), 1):
-        if not np.isfinite(row[: robot.m]).all():
-            raise InputError(f"known_pose: row {k}: every motor must have been read")
-        if np.isinf(pose).any() or np.isnan(pose).all():
-            raise InputError(
-                f"known_pose: row {k}: must be {robot.n} numbers (m, rad), NaN: unknown"
-            )
+    for wrong, must in (
+        (~finite_rows(readings[:, : robot.m]), "every motor must have been read"),
+        (np.isinf(x).any(1) | np.isnan(x).all(1), f"must be {robot.n} numbers (m, rad), NaN: none"),
+    ):
+        if wrong.any():
+            raise InputError(f"known_pose: row {wrong.argmax() + 1}: {must}")
     _require_turns(robot, x, "known_pose")
     own = given[2] if len(given) == 3 else 0.0
     rows = numbers_like("known_pose: σ", own, x.shape, "0 or greater")
     return KnownPoses(readings, x, np.array([reference_sigmas(robot, row) for row in rows]))
 
 
-class Row(NamedTuple):
-    """Reading residuals at a known pose: e = B δξ + H δx + noise of covariance I.
-
-    Unknown coordinates are projected out; δx are the known ones, whose σ is part of the noise.
-    """
-
-    e: Array  #: (m,)
-    B: Array  #: (m, p) by the calibration's parameters
-    H: Array  #: (m, k) by the known coordinates
-    known: Array  #: (n,) bool: which coordinates are known
-
-
-def rows_of(
-    robot: Robot,
-    names: tuple[str, ...],
-    readings: Array,
-    x: Array,
-    known: Array,
-    sigma: Array,
-    acting: Array | None = None,
-) -> list[Row]:
-    """Linearize K readings at poses `x` near the `known` ones (or NaN) with σ `sigma`, (K, n).
-
-    `acting`, (K, n + r, k), are patterns of nuisance parameters: further columns of B.
-    """
-    H_x, H_xi = knowledge.linearized(robot, x, names, level=robot.level)
-    H_xi = H_xi if acting is None else np.concatenate([H_xi, acting], axis=2)
-    noise = knowledge.stated_sigma(robot, robot.level) ** 2
-    expected = robot.extended_positions(x, level=robot.level)
-    off = _core.innovation(robot.core, readings, expected)[0]
-    rows = []
-    for k in range(len(x)):
-        read, told = np.isfinite(readings[k]), np.isfinite(known[k])
-        Q = np.linalg.qr(H_x[k][np.ix_(read, ~told)], mode="complete")[0][:, (~told).sum() :]
-        H = Q.T @ H_x[k][np.ix_(read, told)]
-        e = Q.T @ off[k][read] + H @ (x[k] - known[k])[told]
-        C = H * sigma[k][told] ** 2 @ H.T + Q.T * noise[read] @ Q
-        half = np.linalg.inv(np.linalg.cholesky(C))
-        rows.append(Row(half @ e, half @ Q.T @ H_xi[k][read], half @ H, told))
-    return rows
-
-
-def leave_one_out(
-    robot: Robot, rows: list[Row], covariance: Array, step: Array, false_alarms: float
-) -> list[tuple[float, float, str]]:
-    """Return each row's χ², its limit, and the pose's error, as all other rows predict it.
-
-    With û (`step`) and Σ (`covariance`) of all rows, r = e - B û and P = I - B Σ Bᵀ, the
-    leave-one-out residual is P⁻¹ r, with covariance P⁻¹.
-    """
-    result = []
-    for e, B, H, known in rows:
-        r = e - B @ step
-        missed = np.linalg.solve(np.eye(len(r)) - B @ covariance @ B.T, r)
-        limit = float(chi2_quantile(1 - false_alarms, len(r))) if len(r) else math.inf
-        off = sizes(robot, known, np.linalg.lstsq(H, missed)[0], "+.3g")
-        result.append((float(missed @ r), limit, off))
-    return result
-
-
-def sizes(robot: Robot, known: Array, values: Array, form: str) -> str:
-    """Format the known coordinates' values: "x +1.2 mm, theta 0.1°"."""
-    named = itertools.compress(robot.coordinates, known)
+def sizes(robot: Robot, values: Array, form: str) -> str:
+    """Format the values of known coordinates, (n,), NaN: unknown: "x +1.2 mm, theta 0.1°"."""
+    every = zip(robot.coordinates, values.tolist(), strict=True)
     return ", ".join(
         f"{name} {printed(value, unit, form)}"
-        for (name, unit), value in zip(named, values.tolist(), strict=True)
+        for (name, unit), value in every
+        if math.isfinite(value)
     )

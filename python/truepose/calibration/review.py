@@ -127,8 +127,7 @@ def counted(result: Assessment) -> Array:
     return (result.fit.status == "ok") & (result.fit.weights >= 0.1)
 
 
-def _rms(values: Array, rows: Array) -> float | None:
-    values = values[rows]
+def _rms(values: Array) -> float | None:
     values = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
 
@@ -143,7 +142,7 @@ def residuals(result: Assessment) -> Table:
     every = (result.before.residual, after.residual, result.held_out, after.sigma, fitted)
     for k, name in enumerate(result.names):
         factor, unit = in_print(robot, name)
-        values = [_rms(column[:, k], good) for column in every]
+        values = [_rms(column[good, k]) for column in every]
         if values[0] is None and values[1] is None:
             continue
         cells = [number(None if v is None else factor * v, data=v) for v in values]
@@ -222,7 +221,11 @@ def beside_table(fit: Calibration) -> Table | None:
 def tables_of(result: Assessment) -> list[Table]:
     """Return every table that applies, in reading order."""
     fit = result.fit
-    causes = fit.causes.table() if fit.causes.verdict != "none" else None
-    tables = [causes, residuals(result) if result.names else None, fit.table(), worst(fit)]
-    tables += [differences_table(fit), beside_table(fit), registration_table(fit)]
-    return [table for table in (*tables, predicted(result)) if table is not None]
+    tables = [
+        fit.causes.table() if fit.causes.verdict != "none" else None,
+        residuals(result) if result.names else None,
+        *(of(fit) for of in (Calibration.table, worst, differences_table, beside_table)),
+        registration_table(fit),
+        predicted(result),
+    ]
+    return [table for table in tables if table is not None]

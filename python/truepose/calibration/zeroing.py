@@ -11,17 +11,17 @@ from truepose.arguments import Array, finite_rows, numbers_like
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import left_out
-from truepose.calibration.expectation import expect
-from truepose.calibration.fit import Calibration, joint_prior
+from truepose.calibration.expectation import contradicting, expect
+from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.lean import Leaning, leaning_of, require_effect
 from truepose.calibration.log_checks import APART
 from truepose.calibration.options import CalibrationOptions
-from truepose.calibration.registration import KNOWN, Registered, leave_one_out, rows_of, sizes
+from truepose.calibration.registration import KnownPoses, sizes
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
+from truepose.logs.reading import FLAT, POSTURE, flat, stood
 from truepose.robot import Robot, knowledge, reading_axes, reading_units, require_robot
-from truepose.robot.lean import leveled
 from truepose.show import Shown, Table, named, number, ranges
 
 #: Least share of a motor's variance at which a parameter is listed as a cause.
@@ -48,7 +48,7 @@ class Zeroing(Shown):
     """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
-    x: Array  #: (K, n) reference poses relative to the base; NaN for unknown coordinates
+    x: Array  #: (K, n) pose of each posture relative to the base; NaN for unknown coordinates
     motors: tuple[Zero, ...]  #: at the first of them
     notes: tuple[str, ...] = ()
 
@@ -141,7 +141,9 @@ def zero(
     require_robot(robot)
     one = not logs.is_table(readings) and np.ndim(readings) == 1
     log = log_checks.log_of(robot, [readings] if one else readings)
-    known = _sigma_of(robot, sigma)
+    if sigma is None and robot.spec.mobility != "rotational":
+        raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
+    known = numbers_like("sigma", FLAT if sigma is None else sigma, (robot.n,), "greater than 0")
     read = finite_rows(log.readings[:, : robot.m])
     if not read.any():
         raise InputError("no line has a reading of every motor")
@@ -151,61 +153,38 @@ def zero(
     if postures.base_lean is not None:
         require_effect(robot, postures, "base_lean columns")
     leaning = leaning_of(robot, postures, lean)
-    of = _poses_apart(postures, apart=leaning is not None and not leaning.rows.all())
-    first, times = np.unique(of, return_index=True, return_counts=True)[1:]
-    poses = replace(
-        postures.only(first),
-        readings=np.array([_mean_of(postures.readings[of == k]) for k in range(len(first))]),
-        measured_sigma=known / np.sqrt(times)[:, None],
-    )
-    allowed = _require_near(robot, poses, leaning_of(robot, poses, lean))
-    options = CalibrationOptions(registration="known", lean=lean)
-    fit = fit_to(Problem(robot, poses, options))
-    fit = replace(fit, notes=(*left_out(fit, poses), *fit.notes))
-    if leaning is not None:
-        amounts = np.array([fit.influences[name].value for name in leaning.names])
-        leaning = replace(leaning, amounts=amounts)
-        postures = leaning.upright()
-    _require_agreement(fit, postures, of, known, leaning)
+    allowed = _require_near(robot, postures, leaning)
+    options = CalibrationOptions(loss="squares", registration="known", lean=lean)
+    fit = fit_to(Problem(robot, postures, options))
+    fit = replace(fit, notes=(*left_out(fit, postures), *fit.notes))
     x = np.asarray(postures.measured)
-    if len(of) == 1:
-        told = np.isfinite(x[0])
+    if len(x) > 1:
+        _require_agreement(fit, postures, leaning)
+    else:
+        undetected = sizes(robot, np.where(np.isnan(x[0]), np.nan, APART * allowed[0]), ".2g")
         notes.append(
-            "one posture: its pose cannot be checked; an error of it below "
-            f"{sizes(robot, told, APART * allowed[0, told], '.2g')} goes into the homing offsets: "
-            "repeat the posture, and read it again"
+            f"one posture: its pose cannot be checked; an error of it below {undetected} goes into "
+            "the homing offsets: repeat the posture, and read it again"
         )
-    return Zeroing(fit, x[first], _motors(fit, poses.readings), tuple(notes))
+    return Zeroing(fit, x, _motors(fit, postures.readings[0]), tuple(notes))
 
 
-def _pose(robot: Robot, at: ArrayLike | None) -> Array:
-    if at is not None:
-        x = np.asarray(at, dtype=float)
-        if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
-            raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
-        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # if rotational
-            low, high = axis.limits or (-np.inf, np.inf)
-            if angle < low or angle > high:
-                raise InputError(
-                    f"at (--at): {axis.name} = {angle:.6g} rad: must be within its limits, "
-                    f"{low:.6g} to {high:.6g}"
-                )
-        try:
-            robot.ikm(np.where(np.isnan(x), robot.home, x))
-        except PoseError as error:
-            raise InputError(f"at (--at): {error}") from None
-        return x
-    if robot.spec.mobility == "rotational":
-        return np.where(logs.reading.tilts(robot), 0.0, np.nan)
-    return robot.home
-
-
-def _sigma_of(robot: Robot, sigma: ArrayLike | float | None) -> Array:
-    """Return σ of the pose, (n,), m or rad."""
-    if sigma is None and robot.spec.mobility != "rotational":
-        raise InputError(f"sigma (--sigma): missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
-    given = logs.reading.FLAT if sigma is None else sigma
-    return numbers_like("sigma", given, (robot.n,), "greater than 0")
+def _pose(robot: Robot, at: ArrayLike) -> Array:
+    x = np.asarray(at, dtype=float)
+    if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
+        raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
+    for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # if rotational
+        low, high = axis.limits or (-np.inf, np.inf)
+        if angle < low or angle > high:
+            raise InputError(
+                f"at (--at): {axis.name} = {angle:.6g} rad: must be within its limits, "
+                f"{low:.6g} to {high:.6g}"
+            )
+    try:
+        robot.ikm(np.where(np.isnan(x), robot.home, x))
+    except PoseError as error:
+        raise InputError(f"at (--at): {error}") from None
+    return x
 
 
 def _postures_of(
@@ -215,50 +194,50 @@ def _postures_of(
 
     Every motor must have been read. Labels are names and lines.
     """
-    labels, measured, count = log.labels.get(logs.reading.POSTURE), log.measured, len(log.lines)
-    usual, names, stood = _pose(robot, at), np.full(count, "one"), np.ones(count, dtype=bool)
-    if labels is not None:
-        names, stood = labels, logs.reading.stood(labels)
-        if not stood.any():
+    names, level = log.labels.get(POSTURE), robot.spec.mobility == "rotational" and at is None
+    usual = np.full(robot.n, np.nan) if at is None else _pose(robot, at)
+    if names is not None:
+        if not stood(names).any():
             raise InputError("no line names a posture: the column 'posture' is empty, or 0")
         if at is not None:
-            outside = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
             raise InputError(
                 "at (--at): the column 'posture' implies a flat platform, at 0: leave one of them "
-                f"out, or give the pose in columns {outside}"
+                "out, or give the pose in columns measured_…"
             )
-    elif measured is not None:
-        names, stood = log.lines.astype(str), np.asarray(np.isfinite(measured).any(axis=1))
-        usual = np.full(robot.n, np.nan) if at is None else usual
-    if measured is None:
-        measured = np.full((count, robot.n), np.nan)
-    elif log.implied is not None:
-        measured = np.where(log.implied, np.nan, measured)
-    leans = np.zeros((count, 2)) if log.base_lean is None else log.base_lean
-    level = np.isfinite(usual) & (robot.spec.mobility == "rotational" and at is None)
+    elif log.measured is not None:
+        level = False
+        names = np.where(np.isfinite(log.measured).any(axis=1), log.lines.astype(str), "")
+    else:
+        names = np.full(len(log.lines), "one")
+        usual = robot.home if at is None and not level else usual
+    if level:  # anew: the first row of a posture may have been left out
+        x = None if log.measured is None else np.where(np.array(log.implied), np.nan, log.measured)
+        x, _, implied = flat(robot, names, x, None, log.base_lean)
+        log = replace(log, measured=x, implied=implied)
+    x = np.full((len(names), robot.n), np.nan) if log.measured is None else log.measured
+    flats = np.zeros(x.shape, dtype=bool) if log.implied is None else log.implied
     rows, notes = [], []
-    for name in dict.fromkeys(names[stood].tolist()):
-        lines = np.flatnonzero(stood & (names == name))
-        here, mean, tilt = log.readings[lines], _mean_of(measured[lines]), leans[lines].mean(axis=0)
-        known, implied = np.where(np.isnan(mean), usual, mean), level & np.isnan(mean)
-        if implied.any() and tilt.any():
-            known = leveled(robot, known[None], tilt[None], implied[None])[0]
-        where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
-        rows.append((_mean_of(here), known, implied, tilt, where))
-        if moves := _moves(robot, here, known, sigma, where):
+    for name in dict.fromkeys(names[stood(names)].tolist()):
+        lines = np.flatnonzero(names == name)
+        part, mean = log.only(lines), _mean_of(x[lines])
+        known = np.where(np.isnan(mean), usual, mean)
+        where = log.at(lines) if POSTURE not in log.labels else f"posture {name}: {log.at(lines)}"
+        lean = None if part.base_lean is None else part.base_lean.mean(axis=0)
+        rows.append((_mean_of(part.readings), known, flats[lines].any(axis=0), lean, where))
+        if moves := _moves(robot, part.readings, known, sigma, where):
             notes.append(moves)
-    read, x, implied, tilts, called = map(np.array, zip(*rows, strict=True))
-    postures = Log(
+    read, x, implied, leans, called = map(np.array, zip(*rows, strict=True))
+    return Log(
         log.names,
         read,
         x,
         np.arange(1, len(x) + 1),
         "posture",
-        labels={logs.reading.POSTURE: called},
+        measured_sigma=np.tile(sigma, (len(x), 1)),
+        labels={POSTURE: called},
         implied=implied,
-        base_lean=None if log.base_lean is None else tilts,
-    )
-    return postures, notes
+        base_lean=None if log.base_lean is None else leans,
+    ), notes
 
 
 def _mean_of(rows: Array) -> Array:
@@ -270,111 +249,79 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     """Return a note on motion within a posture's rows; "" without any."""
     q = here[:, : robot.m]
     x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
-    if np.isnan(x).any(axis=1).all():  # units, signs: see :func:`zeroing.zero`
+    if np.isnan(x).any(axis=1).all():  # units, signs: see `_require_near`
         return ""
-    moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
+    moved, size = np.ptp(x, axis=0) / sigma, np.ptp(q, axis=0)
     noise = knowledge.reading_sigma(robot)[: robot.m]
     k, units = int(np.argmax(size / noise)), reading_units(robot)
     said = f"{where}: the robot moves within the posture, q{k + 1} by {size[k]:.3g} {units[k]}"
-    still = (moved <= _OTHER * sigma).all()  # False where some rows close no loop
-    if not still and size[k] > _OTHER * noise[k]:
+    if not moved.max() <= _OTHER and size[k] > _OTHER * noise[k]:  # NaN: some close no loop
         raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
-    return said if (moved > _SAME * sigma).any() else ""
+    return said if moved.max() > _SAME else ""
 
 
-def _poses_apart(postures: Log, apart: bool) -> Array:
-    """Return the number of each posture's pose, (K,); all differ where `apart`."""
-    x, leans = np.asarray(postures.measured), postures.base_lean
-    cells = [np.nan_to_num(x, nan=np.inf), np.asarray(postures.implied)]
-    cells += [] if leans is None else [leans]
-    numbers: dict[tuple[float, ...], int] = {}  # of the different poses, in order of appearance
-    keys = [(*row, k * apart) for k, row in enumerate(np.hstack(cells).tolist())]
-    return np.array([numbers.setdefault(key, len(numbers)) for key in keys])
+def _require_agreement(fit: Calibration, postures: Log, leaning: Leaning | None) -> None:
+    """Refuse a posture that contradicts all others."""
+    acting = None
+    if leaning is not None:
+        leaning = replace(leaning, amounts=leaning.found(fit))
+        acting, postures = leaning.by_unknown(leaning.effect.reading), leaning.upright()
+    parts = postures.readings, postures.measured, postures.measured_sigma
+    given, where = KnownPoses(*map(np.asarray, parts)), postures.labels[POSTURE]
+    if said := contradicting(fit, given, where, FALSE_ALARMS / len(where), acting):
+        both = 1 + (len(where) == 2)  # one of two: which?
+        raise InputError(f"{'; '.join(said[:both])}; repeat it, or leave it out")
 
 
-def _require_agreement(
-    fit: Calibration, postures: Log, of: Array, sigma: Array, leaning: Leaning | None
-) -> None:
-    """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
-    if len(of) < 2:
-        return
-    robot, x = fit.robot, np.asarray(postures.measured)
-    acting = leaning.by_unknown(leaning.effect.reading) if leaning else None
-    spread = np.broadcast_to(sigma, x.shape)
-    rows = rows_of(robot, fit.names, postures.readings, fit.x[of], x, spread, acting)
-    every = [*fit.parameters.values(), *fit.others.values()]
-    prior = np.linalg.inv(joint_prior(fit))
-    off = np.array([u.prior - u.value for u in every])
-    covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
-    step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
-    judged = leave_one_out(robot, rows, covariance, step, FALSE_ALARMS / len(of))
-    worst = max(range(len(rows)), key=lambda k: judged[k][0] - judged[k][1])
-    chi2, limit, by = judged[worst]
-    if not chi2 > limit:
-        return
-    where = postures.labels[logs.reading.POSTURE]
-    others = np.delete(where, worst)
-    against = f"the other {len(others)}" if len(others) > 1 else others[0]
-    again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
-    raise InputError(
-        f"{where[worst]}: contradicts {against}: by that the robot stood {by} from the "
-        f"pose given (χ² = {chi2:.3g}, at most {limit:.3g}): {again}"
-    )
-
-
-def _require_near(robot: Robot, poses: Log, leaning: Leaning | None) -> Array:
+def _require_near(robot: Robot, postures: Log, leaning: Leaning | None) -> Array:
     """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
-    model, n, rows = robot.expected(), robot.m, poses.readings
-    x, sigma = np.asarray(poses.measured), np.asarray(poses.measured_sigma)
-    known = Registered.exact(*KNOWN.begin(), len(knowledge.learnable(model)))
+    model, m, rows = robot.expected(), robot.m, postures.readings
+    x, sigma = np.asarray(postures.measured), np.asarray(postures.measured_sigma)
+    seen = expect(model, rows, x, sigma)
     if leaning is not None:
-        sigma = np.hypot(sigma, leaning.spread(leaning.effect.pose))
-    seen = expect(model, rows, x, sigma, known)
-    if leaning is not None:
-        inclined = leaning.spread(leaning.effect.inclination)[:, n:]
-        seen.sigma[:, : robot.r] = np.hypot(seen.sigma[:, : robot.r], inclined)
-    distance = np.abs(seen.residual) / seen.sigma
-    lost = np.asarray(np.isnan(seen.x).any(axis=1))
-    far = lost | np.asarray((distance > APART).any(axis=1))
+        parts = leaning.effect.inclination[:, m:], leaning.effect.pose
+        inclined = np.hstack([leaning.spread(part) for part in parts])
+        seen = seen._replace(sigma=np.hypot(seen.sigma, inclined))
+    off = np.abs(seen.residual) / seen.sigma
+    off[np.isnan(seen.x).any(axis=1)] = np.inf
+    far = np.asarray((off > APART).any(axis=1))
     if not far.any():
         return seen.sigma[:, robot.r :]
     i = int(np.argmax(far))
-    there = np.where(np.isnan(x[i]), np.where(lost[i], robot.home, seen.x[i]), x[i])
-    drawn = model.extended_positions(there, errors="nan")
-    units = reading_units(robot)[:n]
+    k = int(np.nanargmax(off[i]))
+    nominal = model.extended_positions(np.where(np.isnan(x[i]), robot.home, x[i]), errors="nan")
     read = (
-        f"q{k + 1} = {rows[i, k]:.4g} {unit}"
-        + (f" (nominal: {round(drawn[k], 6) + 0.0:.4g})" if np.isfinite(drawn[k]) else "")
-        for k, unit in enumerate(units)
+        f"{name} = {row:.4g} {unit} (nominal: {round(drawn, 6) + 0.0:.4g})"
+        for name, row, unit, drawn in zip(
+            robot.readings[:m], rows[i], reading_units(robot), nominal, strict=False
+        )
     )
     why = "close no loop"
-    if not lost[i]:
-        k = int(np.nanargmax(distance[i]))
+    if off[i, k] < np.inf:
         why = (
             f"{[*robot.sensors, *dict(robot.coordinates)][k]} is "
-            f"{np.append(rows[i, n:], x[i])[k]:.4g}, by motors and tolerances "
+            f"{np.append(rows[i, m:], x[i])[k]:.4g}, by motors and tolerances "
             f"{seen.expected[i, k]:.4g}, σ {seen.sigma[i, k]:.2g}"
         )
     raise InputError(
-        f"{poses.labels[logs.reading.POSTURE][i]}: {', '.join(read)}: {why}: in degrees or mm, a "
-        "sign, the order of the columns, another pose, or another zero (encoder_offset: nominal "
-        "less read, or a larger tolerance)?"
+        f"{postures.labels[POSTURE][i]}: {', '.join(read)}: {why}: in degrees or mm, a sign, the "
+        "order of the columns, another pose, or another zero (encoder_offset: nominal less read, "
+        "or a larger tolerance)?"
     )
 
 
-def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
-    before, after, n = fit.prior, fit.robot, fit.robot.m
-    x = fit.x[:1]  # perhaps slightly beyond a stop
-    drawn = before.extended_positions(x, level=fit.level)[0, :n]
-    off = after.extended_positions(x, level=fit.level)[0, :n] - drawn
-    H = knowledge.linearized(before, x, fit.names, level=fit.level)[1][0, :n]
+def _motors(fit: Calibration, row: Array) -> tuple[Zero, ...]:
+    """Return the motors' readings at the first posture, whose mean reading is `row`."""
+    before, m, x = fit.prior, fit.robot.m, fit.x[:1]  # perhaps slightly beyond a stop
+    drawn, now = (of.extended_positions(x, level=fit.level)[0, :m] for of in (before, fit.robot))
+    H = knowledge.linearized(before, x, fit.names, level=fit.level)[1][0, :m]
     shares = H * (H @ fit.prior_covariance)  # of each motor's variance, (n, p)
     whole = shares.sum(axis=1)
-    noise = knowledge.reading_sigma(before)[:n] ** 2
-    sigmas = np.sqrt([whole + noise, ((H @ fit.covariance) * H).sum(axis=1) + noise])
-    causes = []
-    for share, all_of in zip(shares.tolist(), whole.tolist(), strict=True):
-        named = sorted(zip(share, fit.names, strict=True), reverse=True)
-        causes.append({name: of / all_of for of, name in named if of > _SHARE * all_of})
-    columns = np.array([rows[0, :n], drawn, off, *sigmas]).tolist()
+    noise = knowledge.reading_sigma(before)[:m] ** 2
+    sigmas = np.sqrt([whole + noise, (H @ fit.covariance * H).sum(axis=1) + noise])
+    causes = (
+        {name: of for of, name in sorted(zip(each, fit.names, strict=True))[::-1] if of > _SHARE}
+        for each in (shares / whole[:, None]).tolist()
+    )
+    columns = np.array([row[:m], drawn, now - drawn, *sigmas]).tolist()
     return tuple(map(Zero, *columns, causes))

@@ -10,7 +10,7 @@ from truepose import _core
 from truepose.arguments import Array, finite_rows
 from truepose.control.effects import Effects
 from truepose.control.linear import plants
-from truepose.control.loci import Margin, Responses
+from truepose.control.loci import Margin, Responses, worst
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
 from truepose.robot import Law, Robot, summed
@@ -86,7 +86,7 @@ def _chosen(
         return replace(given, frequency=frequency, velocity_bandwidth=ratio * frequency)
 
     def lacks(gains: ControllerSettings, found: Responses) -> str:
-        margin = found.least(gains)
+        margin = worst(found.margins(found.together(gains)))
         if not kept(margin):
             return _said(margin)
         dither = float((found.dither(gains, read.reading_sigma) / robot.torque_limit).max())
@@ -98,7 +98,7 @@ def _chosen(
             length = rest[k] == REST[0]
             far = f"{1e6 * swing[k]:.3g} µm" if length else f"{np.degrees(swing[k]):.2g}°"
             return f"counts cause a limit cycle of {far}"
-        margin = found.least_alone(gains)
+        margin = worst(found.margins(found.alone(gains)))
         if not kept(margin):
             return f"{_said(margin)} of a motor or reading alone"
         return "" if found.stable(gains).all() else "it is unstable"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_of, positive, require, require_or_none, whole
+from truepose.arguments import Array, numbers_like, positive, require, require_or_none, whole
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError, PoseError
@@ -132,29 +132,19 @@ class Limits:
             raise PoseError(f"{robot.name}: limits, at home: {_core.describe(status)}")
         given = [field.name for field in fields(self) if getattr(self, field.name) is not None]
         for name in given:
-            if name not in ("box", "counter", "effects"):
-                setattr(core, name, self._value(name, robot, getattr(core, name)))
+            if name in ("box", "counter", "effects"):
+                continue
+            value = getattr(self, name)
+            if np.ndim(getattr(core, name)):
+                value = numbers_like(name, value, (robot.m,), "greater than 0")
+            setattr(core, name, value)
         if self.box is not None:
-            box = numbers_of(self.box, "box")
-            if box.shape != (2, robot.n) or not (box[0] < box[1]).all():
-                raise InputError(
-                    f"box: must be lowest and highest coordinates, shape (2, {robot.n})"
-                )
-            core.box_low, core.box_high = box[0], box[1]
+            core.box_low, core.box_high = box = numbers_like("box", self.box, (2, robot.n))
+            if not (box[0] < box[1]).all():
+                raise InputError("box: must be lowest and highest coordinates")
         result = SafetyLimits(robot, core, self.counter, frozenset(given))
         result._require_consistent()
         return result
-
-    def _value(self, name: str, robot: Robot, default: ArrayLike) -> object:
-        value = getattr(self, name)
-        if np.ndim(default) == 0:
-            return value
-        motors = numbers_of(value, name)
-        if motors.shape not in ((), (robot.m,)) or not ((motors > 0) & (motors < np.inf)).all():
-            raise InputError(
-                f"{name} = {value}: must be a finite number greater than 0, or {robot.m} of them"
-            )
-        return np.broadcast_to(motors, robot.m)
 
 
 @runtime_checkable
@@ -277,13 +267,11 @@ class SafetyLimits(Shown):
                 f"ms together, missing and held too; saturation {core.saturation:g} s at least a "
                 "period"
             )
-        at = {
-            name: getattr(core, name)[motor] for name in ("tracking", "count", "deviation", "slew")
-        }
         raise InputError(
-            f"safety: motor {motor + 1}: tracking {at['tracking']:.4g} must be greater than a "
-            f"count ({at['count']:.2g}) and at most deviation ({at['deviation']:.4g}); slew "
-            f"{at['slew']:.4g} at least {2 * core.torque[motor] / LONGEST_PERIOD:.4g}"
+            f"safety: motor {motor + 1}: tracking {core.tracking[motor]:.4g} must be greater than "
+            f"a count ({core.count[motor]:.2g}) and at most deviation "
+            f"({core.deviation[motor]:.4g}); slew {core.slew[motor]:.4g} at least "
+            f"{2 * core.torque[motor] / LONGEST_PERIOD:.4g}"
         )
 
 

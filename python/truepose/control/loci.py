@@ -49,22 +49,9 @@ class Responses:
         radii = [abs(np.linalg.eigvals(plant.closed(gains))).max() for plant in self.plants]
         return np.array(radii) < 1
 
-    def common(self, gains: ControllerSettings) -> list[Margin]:
-        """Return the margins of all motors' torques at once, at each pose."""
-        return [self._margin(loci) for loci in self.together(gains)]
-
-    def alone(self, gains: ControllerSettings) -> list[list[Margin]]:
-        """Return the margins of each motor's torque, then each reading alone, at each pose."""
-        own = self._alone(gains)
-        return [[self._margin(l[:, [i]]) for i in range(l.shape[-1])] for l in own]
-
-    def least(self, gains: ControllerSettings) -> Margin:
-        """Return the least margins of all motors at once, over all poses."""
-        return self._margin(_side_by_side(self.together(gains)))
-
-    def least_alone(self, gains: ControllerSettings) -> Margin:
-        """Return the least margins of each motor and each reading alone, over all poses."""
-        return self._margin(_side_by_side(self._alone(gains)))
+    def margins(self, loci: Array) -> list[Margin]:
+        """Return the least margins of some loci, (P, F, k), at each pose."""
+        return [self._margin(each) for each in loci]
 
     def together(self, gains: ControllerSettings) -> Array:
         """Return the characteristic loci of the loop of all motors, (P, F, n)."""
@@ -98,7 +85,8 @@ class Responses:
         each = np.where(turned[:, :, None], swing[:, 1:], 0).max(axis=1)
         return np.sqrt((each**2).sum(axis=-1))
 
-    def _alone(self, gains: ControllerSettings) -> Array:
+    def alone(self, gains: ControllerSettings) -> Array:
+        """Return the loops of each motor's torque, then each reading alone, (P, F, n + n + r)."""
         torques = self.inertia @ self.E @ self.readings @ np.linalg.pinv(self.inertia)
         loops = self._own(gains, torques), self._own(gains, self.readings @ self.E)
         return np.concatenate(loops, axis=-1)
@@ -115,11 +103,6 @@ class Responses:
         early = np.abs((phase + np.pi) % (2 * np.pi) - np.pi)  # to the nearer side
         late = phase % (2 * np.pi) / (at * self.period)
         return Margin(more, less, early.min(initial=np.inf), late.min(initial=np.inf))
-
-
-def _side_by_side(loci: Array) -> Array:
-    """Return the loops of all poses as one, (F, P channels)."""
-    return loci.swapaxes(0, 1).reshape(loci.shape[1], -1)
 
 
 def worst(margins: list[Margin]) -> Margin:

@@ -81,29 +81,19 @@ def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
     rows = -(-len(found) // columns)
     figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    db, phase = 20 * np.log10(gains.LEAST.more), np.degrees(gains.LEAST.phase)
+    least = {"xerr": np.degrees(gains.LEAST.phase), "yerr": 20 * np.log10(gains.LEAST.more)}
     for axes, each in zip(panels, found, strict=False):
         decibels = 20 * np.log10(np.abs(each.loci) + 1e-300)
-        turned = np.degrees(np.unwrap(np.angle(each.loci), axis=1))
-        # Between -360° and 0 where the gain is last above 1; elsewhere as it goes on from there.
-        last = decibels.shape[1] - 1 - (decibels[:, ::-1] > 0).argmax(axis=1)[:, None]
-        last[np.all(decibels <= 0, axis=1)[:, None]] = 0
-        there = np.take_along_axis(turned, last, axis=1)
-        degrees = turned - there + (there % 360 - 360)
-        degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 90] = np.nan  # another locus
-        worst = each.worst_pose(ALL)
-        for pose in [*(p for p in range(len(each.poses)) if p != worst), worst]:
-            red = {"color": "C3", "lw": 1.3, "label": "worst pose", "zorder": 3}
-            style = red if pose == worst else {"color": "0.7", "lw": 0.7, "label": "other poses"}
-            axes.plot(degrees[pose], decibels[pose], **style)
-        for edge in (-180, -540):
-            axes.plot([edge - phase, edge + phase], [0, 0], color="C0", lw=2, zorder=4)
-            axes.plot([edge, edge], [-db, db], color="C0", lw=2, zorder=4, label="required margin")
+        degrees = np.degrees(np.angle(each.loci)) % 360 - 360
+        degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 90] = np.nan  # a turn
+        worst = np.arange(len(each.poses)) == each.worst_pose(ALL)
+        for some, colour, label in ((~worst, "0.7", "other poses"), (worst, "C3", "worst pose")):
+            curves = (np.column_stack([*of[some], [()] * len(of[0])]) for of in (degrees, decibels))
+            axes.plot(*curves, color=colour, lw=0.8, label=label)
+        axes.errorbar(-180, 0, **least, color="C0", lw=2, zorder=4, label="required margin")
         title = f"{each.controller.law}" + ("" if each.stable.all() else ": unstable")
-        axes.set(
-            xlim=(-600, 0), ylim=(-60, 40), title=title, xlabel="phase (°)", ylabel="gain (dB)"
-        )
-        axes.set_xticks(range(-540, 1, 180))
+        axes.set(xlim=(-360, 0), ylim=(-60, 40), title=title)
+        axes.set(xlabel="phase (°)", ylabel="gain (dB)", xticks=range(-360, 1, 90))
         axes.grid(color="0.92")
         axes.label_outer()
     for axes in panels[len(found) :]:
@@ -171,8 +161,9 @@ def stability_margins(
     found = Responses(plants(robot, x, controller.built_in, effects, controller))
     read = robot if effects.quantization else robot.without_quantization()
     names = [*(f"motor {i + 1}" for i in range(robot.m)), *robot.readings]
-    alone = map(list, zip(*found.alone(controller), strict=True))
-    loops = {ALL: found.common(controller), **dict(zip(names, alone, strict=True))}
+    loci, alone = found.together(controller), found.alone(controller)
+    loops = {ALL: found.margins(loci)}
+    loops |= {name: found.margins(alone[..., [k]]) for k, name in enumerate(names)}
     return StabilityMargins(
         robot,
         controller,
@@ -180,7 +171,7 @@ def stability_margins(
         x,
         loops,
         found.frequency,
-        found.together(controller),
+        loci,
         found.stable(controller),
         found.dither(controller, read.reading_sigma) / robot.torque_limit,
         found.limit_cycle(controller, read.resolution),

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import finite, numbers_of, positive, require_all
+from truepose.arguments import finite, numbers_like, positive, require_all
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot, reading_units
 
@@ -66,10 +66,7 @@ class Disturbance:
         if self.size is not None:
             positive(f"{self.kind}: size", self.size)
         if self.force is not None:
-            force = numbers_of(self.force, "contact: force")
-            if force.ndim != 1 or not np.isfinite(force).all():
-                said = "must be finite numbers, one of every coordinate"
-                raise InputError(f"contact: force = {self.force}: {said}")
+            numbers_like("contact: force", self.force, (len(self.force),))
         if (self.kind == "friction") != (self.motor is not None):
             raise InputError(f"{self.kind}: motor = {self.motor!r}: of friction alone, e.g. 'q1'")
         if self.until is not None:
@@ -104,12 +101,11 @@ def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.E
             if disturbance.motor not in motors:
                 raise InputError(f"friction: {choose('motor', disturbance.motor, motors)}")
             event.motor = motors.index(disturbance.motor)
-        if disturbance.force is not None:
-            force = np.asarray(disturbance.force, dtype=float)
-            if force.shape != (robot.n,):
+        if (force := disturbance.force) is not None:
+            if len(force) != robot.n:
                 said = f"must be {robot.n} finite numbers, one of every coordinate"
-                raise InputError(f"contact: force = {disturbance.force}: {said}")
-            event.force = force
+                raise InputError(f"contact: force = {force}: {said}")
+            event.force = np.array(force, dtype=float)
         events.append(event)
     return events
 
@@ -118,13 +114,12 @@ def named(run: Any) -> str:
     """Return the disturbances that a run's supervisor named, in order; "" if none."""
     said, last = [], (0, -1)
     for k in np.flatnonzero(np.diff(run.disturbance, prepend=0)):
-        kind, motor = int(run.disturbance[k]), int(run.disturbed_motor[k])
-        if kind == 0 or (kind, motor) == last:
+        kind, motor = this = int(run.disturbance[k]), int(run.disturbed_motor[k])
+        if kind == 0 or this == last:
             continue
-        last = kind, motor
+        last = this
         same = (run.disturbance == kind) & (run.disturbed_motor == motor)
-        size = run.disturbance_size[np.flatnonzero(same)[-1]]
-        begins = f"from {run.time[k]:.3f} s on"
+        size, begins = run.disturbance_size[same][-1], f"from {run.time[k]:.3f} s on"
         if KINDS[kind] == "payload":
             heavy = ", too heavy to be fed forward" if run.payload_refused.any() else ""
             said.append(f"payload of {size:.3g} kg {begins}{heavy}")

@@ -1,5 +1,6 @@
 """Detectability: the smallest fault of each reading that is detected and isolated."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -76,14 +77,14 @@ class Detectability(Shown):
         >>> tp.faults.detectability(h4, x, [x]).confused_with(1.2)["elbow1"]
         ('q1',)
         """
-        names, result = self.robot.readings, {}
+        names = self.robot.readings
         detected = self._by_pose(self.detected)
-        apart = self.apart.reshape(-1, len(names), len(names))
-        for c, name in enumerate(names):
-            at = np.isfinite(detected[:, c])
-            more = apart[at, c] > times * detected[at, c, None]
-            result[name] = tuple(names[d] for d in np.flatnonzero(2 * more.sum(axis=0) > at.sum()))
-        return result
+        more = self.apart.reshape(-1, len(names), len(names)) > times * detected[:, :, None]
+        often = 2 * more.sum(axis=0) > np.isfinite(detected).sum(axis=0)[:, None]
+        return {
+            name: tuple(itertools.compress(names, some))
+            for name, some in zip(names, often, strict=True)
+        }
 
     @cached_property
     def alike_at_rest(self) -> tuple[tuple[str, ...], ...]:
@@ -98,8 +99,8 @@ class Detectability(Shown):
     @cached_property
     def unseen(self) -> tuple[str, ...]:
         """Readings whose faults no test detects, at no pose."""
-        seen = np.asarray(self._by_pose(self.parity.signature).any(axis=0))
-        return tuple(name for name, some in zip(self.robot.readings, seen, strict=True) if not some)
+        unseen = np.asarray(~self._by_pose(self.parity.signature).any(axis=0))
+        return tuple(itertools.compress(self.robot.readings, unseen))
 
     def pose_error(self, law: Law) -> Array:
         """Return the steady-state pose error by a fault just below `detected`, (..., m, 2).
@@ -164,10 +165,10 @@ class Detectability(Shown):
         blind = np.asarray(~G.any(axis=1))
         rest = unexplained(G.swapaxes(-1, -2) @ G)
         alike = ((rest == 0) | blind[:, :, None] | blind[:, None, :]).all(axis=0)
-        names = self.robot.readings
-        some = [c for c in range(len(names)) if names[c] not in self.unseen]
-        groups = {tuple(d for d in some if d == c or alike[c, d]) for c in some}
-        return tuple(tuple(names[c] for c in group) for group in sorted(groups) if len(group) > 1)
+        seen = np.asarray(~blind.all(axis=0))
+        alike = (alike | np.eye(len(alike), dtype=bool)) & seen & seen[:, None]
+        groups = dict.fromkeys(tuple(itertools.compress(self.robot.readings, of)) for of in alike)
+        return tuple(group for group in groups if len(group) > 1)
 
 
 def detectability(
@@ -304,7 +305,7 @@ def _harm(leakage: Array, limit: Array) -> Array:
 
 def require_inside(name: str, value: float, low: float, high: float) -> None:
     """Raise InputError unless the value is a number between the two."""
-    if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
+    if not (isinstance(value, (int, float)) and low < value < high):
         raise InputError(f"{name} = {value!r}: must be greater than {low:g}, less than {high:g}")
 
 

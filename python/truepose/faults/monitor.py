@@ -15,9 +15,10 @@ from truepose.control import delays
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.control.limits import LONGEST_PERIOD, Limits
+from truepose.control.linear import gain_inertia
 from truepose.exceptions import InputError
 from truepose.robot import Robot, as_rows, knowledge, members, samples_or_home
-from truepose.robotfile.schema import Conditions
+from truepose.robotfile.chains import Chain
 from truepose.show import Cell, Shown, Table, lines
 
 #: Health of a reading, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
@@ -271,9 +272,9 @@ def failures(robot: Robot, time: Array, health: Array, symptom: Array, stops: Ar
     """Return which readings failed, when and why, and whether the robot stops; "" if none."""
     said = []
     for c, name in enumerate(robot.readings):
-        lines = np.flatnonzero(health[:, c] == HEALTH.index("failed"))
-        if lines.size:
-            k = lines[0]
+        lost = health[:, c] == HEALTH.index("failed")
+        if lost.any():
+            k = lost.argmax()
             said.append(f"{name} failed at {time[k]:.3f} s ({SYMPTOMS[symptom[k, c]]})")
     if stops.any():
         why = "" if said else "readings disagree, none isolated: "
@@ -292,22 +293,20 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
     """Return the robot with the arms' and legs' deflection as motor noise, and the warm-up."""
     if robot.spec.calibration is None:
         robot = effects.allowed_for(robot)
-    chains = list(robot.spec.chain)
-    for k, chain in enumerate(chains):
+    gains = iter([robot.parameters[f"chain{k}.gain"].value for k in range(1, robot.m + 1)])
+
+    def noisy(chain: Chain) -> dict[str, float]:
         revolute = chain.actuator == "revolute"
         stiffness = effects.arm_stiffness if revolute else effects.rod_stiffness
-        if stiffness:
-            gain = robot.parameters[f"chain{k + 1}.gain"].value
-            sigma = gain * _TORQUE * (chain.torque_limit or 0) / stiffness
-            noise = math.hypot(chain.encoder_noise, sigma)
-            chains[k] = chain.model_copy(update={"encoder_noise": noise})
-    values = {name: p.value for name, p in robot.parameters.items()}
-    warm = robot.spec.conditions
-    if warm is None and effects.warm_up:
+        torque = next(gains) * _TORQUE * (chain.torque_limit or 0)
+        sigma = torque / stiffness if stiffness else 0.0
+        return {"encoder_noise": math.hypot(chain.encoder_noise, sigma)}
+
+    if robot.spec.conditions is None and effects.warm_up:
         rates = {f"{part}_expansion": getattr(effects, f"{part}_expansion") for part in _GROWS}
-        warm = Conditions(warm_up=effects.warm_up, gradient=_GRADIENT * effects.warm_up, **rates)
-    update = {"chain": tuple(chains), "conditions": warm}
-    return Robot(robot.spec.model_copy(update=update), values)
+        warm_up = effects.warm_up
+        robot = robot.with_conditions(warm_up=warm_up, gradient=_GRADIENT * warm_up, **rates)
+    return robot.with_each("chain", noisy)
 
 
 def _moved(
@@ -319,11 +318,11 @@ def _moved(
     sticks = np.array([assumed_friction(chain) for chain in robot.spec.chain])
     if effects is not None:
         sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.m])
-    away = sticks / (controller.frequency**2 * _inertia(robot, controller))
+    away = sticks / _inertia(robot, controller)
     if controller.gains == "inertia":  # one motor's friction moves the others, too
-        J, home = robot.jacobian(robot.home), robot.home
-        inertia = J.T @ robot.mass_matrix(home) @ J
-        away = np.abs(np.linalg.pinv(inertia)) @ sticks / controller.frequency**2
+        inertia = gain_inertia(robot, controller, robot.home, robot.home)
+        away = np.abs(np.linalg.pinv(inertia)) @ sticks
+    away /= controller.frequency**2
     moved[: robot.m] += away
     return moved, away + _AWAY * robot.resolution[: robot.m]
 
@@ -342,19 +341,17 @@ def _limits(robot: Robot) -> Array:
 
 def _inertia(robot: Robot, controller: Controller) -> Array:
     """Return each motor's inertia at home: torque over acceleration."""
-    gains = replace(controller, gains="diagonal")
-    kp = np.array(gains.settings(robot, robot.home).kp[: robot.m])
-    return kp / controller.frequency**2
+    diagonal = replace(controller, gains="diagonal")
+    return np.diag(gain_inertia(robot, diagonal, robot.home, robot.home))
 
 
 def _range(robot: Robot) -> Array:
     """Return lowest and highest values of readings by motor stops and sensor ranges; 0, 0: none."""
-    ends: list[tuple[float, float]] = []
-    for k, chain in enumerate(robot.spec.chain, 1):
+    ends = [sensor.range or (0.0, 0.0) for sensor in robot.spec.used]
+    for k, chain in list(enumerate(robot.spec.chain, 1))[::-1]:
         gain, offset = (
             robot.parameters[f"chain{k}.{name}"].value for name in ("gain", "encoder_offset")
         )
-        stops = sorted(gain * stop - offset for stop in chain.limits or ())
-        ends.append((stops[0] - _BEYOND, stops[1] + _BEYOND) if stops else (0.0, 0.0))
-    ends += [sensor.range or (0.0, 0.0) for sensor in robot.spec.used]
+        low, high = sorted(gain * stop - offset for stop in chain.limits or (0.0, 0.0))
+        ends.insert(0, (low - _BEYOND, high + _BEYOND) if chain.limits else (0.0, 0.0))
     return np.array(ends).T

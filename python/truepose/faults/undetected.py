@@ -46,22 +46,22 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
             if part.any()
         }
         change = (robot.rkm(there, errors="nan") - robot.rkm(x)).tolist()
-        sensors = dict(zip(robot.readings[n:], change, strict=True))
-        hold = robot.inverse_dynamics(np.array([x, there]), rest, rest, errors="nan")
-        torque = float(np.abs(hold[1] - hold[0]).max())
-        friction = assumed_friction(chain)
-        told = zip(sensors, change, units[n:], strict=True)
-        force, forces = (
-            "N·m" if units[i] == "rad" else "N",
-            {"torque": torque, "friction": friction},
+        sensors = dict(zip(robot.sensors, change, strict=True))
+        told = (
+            f"{s} {measured(abs(v), u)}"
+            for (s, v), u in zip(sensors.items(), units[n:], strict=True)
         )
+        hold = robot.inverse_dynamics(np.array([x, there]), rest, rest, errors="nan")
+        forces = {"torque": np.abs(hold[1] - hold[0]).max(), "friction": assumed_friction(chain)}
+        torque, friction = map(number, forces.values())
+        unit = "N·m" if units[i] == "rad" else "N"
         rows.append(
             [
                 robot.readings[i],
                 _cell({units[i]: float(off[at])}, "off"),
                 _cell(moves, "moves"),
-                Cell(", ".join(f"{name} {measured(abs(v), u)}" for name, v, u in told), sensors),
-                Cell(f"{number(torque)} {force} ({number(friction)})", forces),
+                Cell(", ".join(told), sensors),
+                Cell(f"{torque} {unit} ({friction})", forces),
             ]
         )
     header = ["motor", "off by", "platform moves", "sensors change", "torques change (friction)"]
