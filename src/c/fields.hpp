@@ -12,6 +12,7 @@
 #include "c/each.hpp"
 #include "control/fault_tolerant_control.hpp"
 #include "control/joints.hpp"
+#include "estimation/changes.hpp"
 #include "estimation/estimate.hpp"
 #include "truepose/truepose.h"
 
@@ -148,7 +149,8 @@ TRUEPOSE_TABLE(truepose_path_clock, PathClock, time, rate, slowing, since)
 static_assert(sizeof(truepose_axis_command) == sizeof(AxisCommand) &&
               sizeof(truepose_estimate_result) == sizeof(Estimate) &&
               sizeof(truepose_fkm_result) == sizeof(FkmResult) &&
-              sizeof(truepose_knowledge) == sizeof(Knowledge));
+              sizeof(truepose_knowledge) == sizeof(Knowledge) &&
+              sizeof(truepose_changes) == sizeof(ChangeSettings));
 
 /// A struct of the core as one of truepose.h, or back: its bytes, as many as both have.
 template <class To, class From>

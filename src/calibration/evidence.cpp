@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "estimation/estimate.hpp"
+#include "estimation/evidence.hpp"
 
 namespace truepose {
 namespace {
@@ -73,16 +74,6 @@ Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) 
   }
   return of;
 }
-
-/// ½ bᵀ(I + A)⁻¹b - ½ ln |I + A|: what columns with these products gain.
-double gain(RowMatrix A, RowMatrix b) {
-  for (int i = 0; i < A.rows(); ++i) A(i, i) += 1;
-  const RowMatrix L = cholesky(A);
-  solve_lower(L, b);
-  double sum = 0;
-  for (int i = 0; i < A.rows(); ++i) sum += 0.5 * b(i, 0) * b(i, 0) - std::log(L(i, i));
-  return sum;
-}
 }  // namespace
 
 RowMatrix weigh(const LogRows& rows, const Columns& columns,
@@ -121,13 +112,15 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
     int first = 0;
     for (std::size_t h = 0; h < columns.end.size(); ++h) {
       const int count = columns.end[h] - first;
-      RowMatrix A(count, count), b(count, 1);
+      RowMatrix A(count, count);
+      std::vector<double> b(count);
       for (int i = 0; i < count; ++i) {
-        b(i, 0) = (of.Cy[first + i] - taken(first + i, K)) / s2;
+        b[i] = (of.Cy[first + i] - taken(first + i, K)) / s2;
         for (int j = 0; j < count; ++j)
           A(i, j) = (of.CC(first + i, j) - taken(first + i, first + j)) / s2;
       }
-      result(a, static_cast<int>(h) + 1) = likelihood + gain(A, b);
+      result(a, static_cast<int>(h) + 1) =
+          likelihood + evidence(count, A.data(), b.data()).log_odds;
       first = columns.end[h];
     }
   }

@@ -38,6 +38,14 @@ bool MonitoredCycle::alarm(const ReadingCovariance& V, const Reading& value) {
          !(monitor.chi2 <= settings.chi2[static_cast<std::size_t>(monitor.freedom)]);
 }
 
+Column MonitoredCycle::column_of(int c, const ReadingCovariance& V, const Reading& y) const {
+  Reading g = parity.signature(r, c);
+  V.whiten(r, g.data(), 1);
+  Column column;
+  for (int k = 0; k < r; ++k) column.add(g[k], y[k]);
+  return column;
+}
+
 Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mean,
                                   bool jumped) const {
   Reading y = mean;
@@ -45,21 +53,18 @@ Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mea
   Extended odds;
   odds.fill(-INFINITY);
   for (int c = 0; c < rows; ++c) {
-    if (without & bit(c)) continue;
-    Reading g = parity.signature(r, c);
-    V.whiten(r, g.data(), 1);
-    const Real score = sum_of(r, [&](int k) { return g[k] * y[k]; });
-    const Real information = sum_of(r, [&](int k) { return g[k] * g[k]; });
-    if (!(information > 0)) continue;
-    odds[c] = 0.5 * score * score / information;
+    Column error = column_of(c, V, y);
+    if (without & bit(c) || !(error.information > 0)) continue;
+    odds[c] = error.chi2() / 2;
     // What a delayed sensor shows now may be an earlier jump of a motor.
     bool motor_left = false;
     for (int i = 0; delayed(c) && i < n; ++i)
       motor_left |=
           monitor.cycle - monitor.reading[i].left_track <= 1 + every(c) + late->age[c - n];
-    const Real own = 1 / track_variance(c), jump = own * monitor.disagreement.jump[c];
-    if (jumped && !motor_left && own < INFINITY)
-      odds[c] = std::max(odds[c], 0.5 * (score + jump) * (score + jump) / (information + own));
+    if (const Real own = track_variance(c); jumped && !motor_left && own > 0) {
+      error.add(1, monitor.disagreement.jump[c], own);
+      odds[c] = std::max(odds[c], error.chi2() / 2);
+    }
     // While another motor's fault moves the robot, a healthy one may stand off its setpoint.
     const bool stands = settings.moved[c] > 0 && raw(c) == monitor.reading[c].standstill.reading;
     const Real motion = stands ? model_motion(c, 0) / tolerated_motion(c, kStoodBy) : 0;

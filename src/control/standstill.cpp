@@ -45,12 +45,11 @@ Real MonitoredCycle::model_motion(int c, Real way) const {
 bool MonitoredCycle::motor_stands(int c, Real moved) const {
   ReadingCovariance V;
   if (c >= n || r == 0 || !monitor.known || !monitor.placed || !covariance(1, 1, V)) return false;
-  Reading g = parity.signature(r, c), y = parity.value;
-  V.whiten(r, g.data(), 1);
+  Reading y = parity.value;
   V.whiten(r, y.data(), 1);
+  const Column error = column_of(c, V, y);
   // Log odds of the error -moved against none.
-  return sum_of(r, [&](int k) { return -moved * g[k] * (y[k] + Real{0.5} * moved * g[k]); }) <
-         -kHeld;
+  return -moved * (error.score + Real{0.5} * moved * error.information) < -kHeld;
 }
 
 void MonitoredCycle::update_standstill(int c, bool judged) {

@@ -15,11 +15,13 @@ void MonitoredCycle::exclude(int c) {
   ++left_out;
 }
 
-bool MonitoredCycle::replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
+bool MonitoredCycle::replaceable(int c, Real left, const ReadingCovariance& V,
                                  const ReadingCovariance& own) const {
   if (!(left < settings.replaceable * settings.replaceable)) return false;
   const Real most = settings.shaken[c];
   if (!(most > 0)) return true;
+  Reading g = parity.signature(r, c);
+  V.whiten(r, g.data(), 1);
   V.colour(r, g.data());
   Real sum = 0;
   for (int k = 0; k < r; ++k)
@@ -49,15 +51,13 @@ void MonitoredCycle::substitute() {
     if (!(without & bit(c))) continue;
     MonitoredReading& reading = monitor.reading[c];
     const bool failed = reading.health == Health::failed, motor = c < n;
-    Reading g = parity.signature(r, c);
-    if (regular) V.whiten(r, g.data(), 1);
-    const Real b = unknown[c] * sum_of(r, [&](int k) { return g[k] * y[k]; });
-    const Real information = sum_of(r, [&](int k) { return g[k] * g[k]; });
-    const Real left = unknown[c] * (1 - unknown[c] * information);  // variance of b̂
+    const Column error = regular ? column_of(c, V, y) : Column{};
+    const Real b = unknown[c] * error.score;
+    const Real left = unknown[c] * (1 - unknown[c] * error.information);  // variance of b̂
     const bool known = regular && unknown[c] > 0 && left < 0.5 * unknown[c] && number(b);
     // A lost motor stays lost: its brake is closing.
     if (known && !(monitor.lost & bit(c)) && (failed || (motor && reading.standstill.stuck)) &&
-        (!motor || replaceable(c, left, g, V, own))) {
+        (!motor || replaceable(c, left, V, own))) {
       replaced |= bit(c);
       believed[c] -= b;
       for (int i = 0; motor && i < dof(robot.mobility); ++i)

@@ -26,31 +26,4 @@ void times_root(const Knowledge& known, int rows, Real* B) {
     }
   }
 }
-
-void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
-  for (int j = 0; j < p; ++j) b[j] = 0;
-  for (int j = p - 1; j >= 0; --j) {
-    const Real before = alpha;
-    alpha += f[j] * f[j];
-    const Real beta = std::sqrt(before / alpha), lambda = f[j] / before;
-    for (int i = j; i < p; ++i) {
-      const Real old = S[i * p + j];
-      S[i * p + j] = beta * (old - lambda * b[i]);
-      b[i] += f[j] * old;
-    }
-  }
-}
-
-void add_drift(int p, Real* S, Real* v) {
-  for (int k = 0; k < p; ++k) {
-    const Real length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
-    if (!(length > 0)) continue;
-    const Real c = S[k * p + k] / length, s = v[k] / length;
-    for (int i = k; i < p; ++i) {
-      const Real old = S[i * p + k];
-      S[i * p + k] = c * old + s * v[i];
-      v[i] = c * v[i] - s * old;
-    }
-  }
-}
 }  // namespace truepose

@@ -175,9 +175,16 @@ void bind_calibration(nb::module_& m) {
       .def_prop_ro("memory", &Online::memory)
       .def_ro("lines", &Online::lines)
       .def_ro("left_out", &Online::left_out)
-      .def_prop_ro("doubt", [](const Online& online) { return online.state.doubt; })
-      .def_ro("xi", &Online::xi)
-      .def_prop_ro("root", [](const Online& online) { return online.prior.root; })
+      .def_prop_ro("residual_test", [](const Online& online) { return online.state.test; })
+      .def_prop_ro("xi",
+                   [](const Online& online) {
+                     return std::vector<double>(online.state.xi, online.state.xi + online.width());
+                   })
+      .def_prop_ro("root",
+                   [](const Online& online) {
+                     const int p = online.state.count;
+                     return RowMatrix(p, p, online.state.root);
+                   })
       .def_prop_ro("sigma", [](const Online& online) { return online.state.sigma; })
       .def_prop_ro("recognised", [](Online& online) {
         online.note();

@@ -183,6 +183,6 @@ bool Loop::learn_monitored(OnlineCalibrator& learner, const Extended& q_e) {
   });
   if (valid) return calibrate_online(learner, q_e).status == Status::stopped;
   if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
-  return learner.state.doubt.stopped;
+  return learner.state.test.stopped;
 }
 }  // namespace truepose

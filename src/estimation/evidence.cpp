@@ -1,0 +1,32 @@
+// Evidence for hypotheses: columns of unknown amounts in whitened equations.
+#include "estimation/evidence.hpp"
+
+#include <algorithm>
+
+namespace truepose {
+Evidence evidence(int n, Real* S, Real* z) {
+  Evidence found;
+  for (int i = 0; i < n; ++i) {  // Cholesky and forward substitution, row by row
+    Real* row = S + i * n;
+    for (int j = 0; j <= i; ++j) {
+      Real sum = row[j] + (i == j);
+      for (int k = 0; k < j; ++k) sum -= row[k] * S[j * n + k];
+      row[j] = i == j ? std::sqrt(std::max(sum, Real(1))) : sum / S[j * n + j];
+    }
+    for (int k = 0; k < i; ++k) z[i] -= row[k] * z[k];
+    z[i] /= row[i];
+    found.chi2 += z[i] * z[i];
+    found.log_odds -= std::log(row[i]);
+  }
+  found.log_odds += found.chi2 / 2;
+  return found;
+}
+
+int outstanding(int count, const Extended& value, Real margin) {
+  const auto end = value.begin() + count;
+  const auto most = std::max_element(value.begin(), end);
+  for (auto other = value.begin(); other != end; ++other)
+    if (other != most && *other > *most - margin) return -1;
+  return static_cast<int>(most - value.begin());
+}
+}  // namespace truepose
