@@ -13,7 +13,7 @@ bool law_exists(Law law) { return below(law, kLawTable.size()); }
 Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least) {
   const int all = parameter_count(robot);
   if (known.count < least || known.count > all) return {Status::no_such_part};
-  for (int k = 0; k < known.count; ++k)
+  for (int k : range(known.count))
     if (known.column[k] < 0 || known.column[k] >= all) return {Status::no_such_part, k};
   return {};
 }
@@ -34,7 +34,7 @@ Outcome sound(const FaultMonitorSettings& s) {
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
   for (const Real number : {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held})
     good = good && number > 0;
-  for (int c = 0; c < kMaxReadings; ++c)
+  for (int c : range(kMaxReadings))
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
   return {good ? Status::ok : Status::no_such_value};
 }
@@ -48,7 +48,7 @@ namespace {
 void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   const FaultMonitor& monitor = setup.state.monitor;
   *report = truepose_fault_report{};
-  for (int c = 0; c < kMaxReadings; ++c) {
+  for (int c : range(kMaxReadings)) {
     report->health[c] = static_cast<std::int32_t>(monitor.reading[c].health);
     report->symptom[c] = static_cast<std::int32_t>(monitor.reading[c].symptom);
   }
@@ -201,7 +201,7 @@ truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t
   return with(sensors)([&](SlowSensors& slow) {
     Multirate& late = slow.late;
     late.arrived = arrived & late.which;
-    for (int k = 0; k < kMaxSensors; ++k)
+    for (int k : range(kMaxSensors))
       if (late.arrived & late.settings.stamped & bit(k)) {
         if (time)
           stamp(late, k, time[k], now);

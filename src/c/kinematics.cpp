@@ -67,8 +67,8 @@ Outcome mapped(const Robot& robot, const Coordinates& x, const From& given, To& 
   if (!outcome) return outcome;
   Square by{}, inverse{};  // Jᵀ, and its inverse, Kᵀ
   Unknowns size{};
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < m; ++j) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
+  for (int i : range(n))
+    for (int j : range(m)) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
   if (kToJoints && !invert(m, n, by, size, inverse)) return {Status::singular};
   for (int i = 0; i < (kToJoints ? n : m); ++i)
     result[i] = sum_of(kToJoints ? m : n,

@@ -37,8 +37,8 @@ bool good(const Sensor& s) {
 }
 bool good(const Body& body) {
   bool symmetric = true;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j <= i; ++j)
+  for (int i : range(3))
+    for (int j : range(i + 1))
       symmetric = symmetric && body.inertia(i, j) == body.inertia(j, i) && body.inertia(i, i) >= 0;
   return body.mass >= 0 && symmetric;
 }
@@ -46,7 +46,7 @@ bool good(const PassiveAxis& axis) { return axis.low <= axis.high && unit(axis.d
 
 /// The first part with invalid numbers. @param first  number of a kind's first part in outcomes
 Outcome checked(const auto& parts, int count, int first) {
-  for (int k = 0; k < count; ++k) {
+  for (int k : range(count)) {
     if (!sound(parts[k])) return {Status::not_finite, first + k};
     if (!good(parts[k])) return {Status::no_such_value, first + k};
   }

@@ -26,7 +26,7 @@ static_assert(kNews == TRUEPOSE_RECOGNISED &&
 bool sound(const ChangeSettings& changes) {
   if (changes.count < 1 || changes.drifts < 0) return false;
   bool good = changes.load >= -1 && changes.load < changes.steps;
-  for (int k = 0; k < changes.count; ++k)
+  for (int k : range(changes.count))
     good = good && changes.end[k] > (k > 0 ? changes.end[k - 1] : 0);
   return good && changes.end[changes.count - 1] == changes.steps;
 }

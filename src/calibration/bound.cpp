@@ -59,8 +59,8 @@ Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pos
   if (!outcome) return outcome;
   const int rows = readings(robot), m = acting.count, p = known.count;
   gather(robot, known, H_xi, rows, B, m);
-  for (int c = 0; c < rows; ++c)
-    for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
+  for (int c : range(rows))
+    for (int j : range(m)) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
   outcome = reading_covariance(robot, known, B, C);
   if (outcome) outcome = fuse(robot, known, C, H_x, fusion);
   if (outcome) weighted_tej(robot, H_x, fusion, fusion.tej);
@@ -76,8 +76,8 @@ Outcome pose_error(Level level, const Robot& robot, const Knowledge& known, cons
   const Outcome outcome = fused(level, robot, known, pose, acting, H_xi, B, fusion);
   if (!outcome) return outcome;
   RowMatrix gain(n, rows);  // of readings in units of their σ
-  for (int i = 0; i < n; ++i)
-    for (int c = 0; c < rows; ++c) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
+  for (int i : range(n))
+    for (int c : range(rows)) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
   error.by_geometry = gain * RowMatrix(rows, p, B);
   error.by_noise = gain * transposed(gain);
   return {};

@@ -15,29 +15,29 @@ double whiten(const LogRows& rows, const Ordinary& by, RowMatrix& Z) {
   if (!(by.persisting > 0)) return 0;
   const int count = rows.D.cols(), width = Z.cols();
   RowMatrix P(count, count), X(count, width);  // covariance and mean of η, of every column
-  for (int i = 0; i < count; ++i) P(i, i) = by.persisting;
+  for (int i : range(count)) P(i, i) = by.persisting;
   double half = 0;
   int last = -1;
-  for (int row = 0; row < Z.rows(); ++row) {
+  for (int row : range(Z.rows())) {
     const int line = rows.line[row];
     if (line < 0) continue;
     if (last >= 0 && line != last) {
       const double kept = std::pow(by.correlation, line - last);
       for (double& entry : X) entry *= kept;
       for (double& entry : P) entry *= kept * kept;
-      for (int i = 0; i < count; ++i) P(i, i) += (1 - kept * kept) * by.persisting;
+      for (int i : range(count)) P(i, i) += (1 - kept * kept) * by.persisting;
     }
     last = line;
     const double* d = rows.D[row];
     const std::vector<double> Pd = P * std::vector<double>(d, d + count);
     const double variance = 1 + dot(count, d, Pd.data());
     double* z = Z[row];
-    for (int i = 0; i < count; ++i) add_scaled(width, -d[i], X[i], z);
-    for (int i = 0; i < count; ++i) {
+    for (int i : range(count)) add_scaled(width, -d[i], X[i], z);
+    for (int i : range(count)) {
       add_scaled(width, Pd[i] / variance, z, X[i]);
       add_scaled(count, -Pd[i] / variance, Pd.data(), P[i]);
     }
-    for (int j = 0; j < width; ++j) z[j] /= std::sqrt(variance);
+    for (int j : range(width)) z[j] /= std::sqrt(variance);
     half += 0.5 * std::log(variance);
   }
   return half;
@@ -57,9 +57,9 @@ Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) 
   for (std::size_t h = 0; h < end.size(); ++h) most = std::max(most, end[h] - (h ? end[h - 1] : 0));
   Products of{RowMatrix(p, p), RowMatrix(p, columns + 1), RowMatrix(columns, most),
               std::vector<double>(columns)};
-  for (int row = 0; row < Z.rows(); ++row) {
+  for (int row : range(Z.rows())) {
     const double *z = Z[row], *b = z + columns + 1, y = z[columns];
-    for (int i = 0; i < p; ++i) {
+    for (int i : range(p)) {
       if (b[i] == 0) continue;
       add_scaled(p, b[i], b, of.BB[i]);
       add_scaled(columns + 1, b[i], z, of.BZ[i]);
@@ -68,7 +68,7 @@ Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) 
     of.yy += y * y;
     int first = 0;
     for (const int last : end) {
-      for (int k = first; k < last; ++k) add_scaled(last - first, z[k], z + first, of.CC[k]);
+      for (int k : range(first, last)) add_scaled(last - first, z[k], z + first, of.CC[k]);
       first = last;
     }
   }
@@ -82,12 +82,12 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
   RowMatrix result(static_cast<int>(ordinary.size()), 1 + static_cast<int>(columns.end.size()));
   Products of;
   double half = 0;
-  for (int a = 0; a < result.rows(); ++a) {
+  for (int a : range(result.rows())) {
     const Ordinary& by = ordinary[a];
     const Ordinary* before = a ? &ordinary[a - 1] : nullptr;
     if (!before || before->persisting != by.persisting || before->correlation != by.correlation) {
       RowMatrix Z(m, K + 1 + p);
-      for (int row = 0; row < m; ++row) {
+      for (int row : range(m)) {
         std::copy_n(columns.C[row], K, Z[row]);
         Z(row, K) = rows.y[row];
         std::copy_n(rows.B[row], p, Z[row] + K + 1);
@@ -98,7 +98,7 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
     // (s² I + t² B Bᵀ)⁻¹ = s⁻² (I - (t/s)² B M⁻¹ Bᵀ), M = I + (t/s)² BᵀB = L Lᵀ (Woodbury).
     const double s2 = by.noise * by.noise, ratio = by.tolerances / by.noise;
     RowMatrix M = RowMatrix::identity(p), V = of.BZ;
-    for (int i = 0; i < p; ++i) add_scaled(p, ratio * ratio, of.BB[i], M[i]);
+    for (int i : range(p)) add_scaled(p, ratio * ratio, of.BB[i], M[i]);
     const RowMatrix L = cholesky(M);
     solve_lower(L, V);
     for (double& entry : V) entry *= ratio;
@@ -106,7 +106,7 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
       return sum_of(p, [&](int k) { return V(k, i) * V(k, j); });
     };
     double likelihood = -half - m * (std::log(by.noise) + 0.5 * std::log(2 * std::numbers::pi));
-    for (int i = 0; i < p; ++i) likelihood -= std::log(L(i, i));
+    for (int i : range(p)) likelihood -= std::log(L(i, i));
     likelihood -= 0.5 * (of.yy - taken(K, K)) / s2;
     result(a, 0) = likelihood;
     int first = 0;
@@ -114,9 +114,9 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
       const int count = columns.end[h] - first;
       RowMatrix A(count, count);
       std::vector<double> b(count);
-      for (int i = 0; i < count; ++i) {
+      for (int i : range(count)) {
         b[i] = (of.Cy[first + i] - taken(first + i, K)) / s2;
-        for (int j = 0; j < count; ++j)
+        for (int j : range(count))
           A(i, j) = (of.CC(first + i, j) - taken(first + i, first + j)) / s2;
       }
       result(a, static_cast<int>(h) + 1) =

@@ -17,7 +17,7 @@ double Line::misfit() const {
 
 double Line::away() const {
   double size = 0;
-  for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i] + pull[i]));
+  for (int i : range(n)) size = std::max(size, std::fabs(e[i] + pull[i]));
   return size;
 }
 
@@ -37,8 +37,7 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
   if (axes.count > 0) outcome = left_out(robot, axes, pose, H_xi, left);
   D = RowMatrix(readings, count);
   for (int c = 0; c < readings && outcome; ++c) {
-    for (int j = 0; j < given.count; ++j)
-      D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
+    for (int j : range(given.count)) D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
     std::copy_n(left[c], axes.count, D[c] + given.count);
   }
   return outcome;
@@ -62,7 +61,7 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
     Seen by = seen(robot.mobility, *outside.registration, pose);
     Coordinates apart = innovation(robot.mobility, by, outside.x);
     in_turns(robot.mobility, *outside.registration, pose, by, apart);
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       if (!std::isfinite(apart[i])) continue;
       double* row = line.B[line.rows];
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
@@ -70,7 +69,7 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
         const double unit = known.root ? known.root[at * (p + 1)] : 1;
         row[at] = by.H[i][j] * unit / outside.sigma[i];
       }
-      for (int j = 0; j < n; ++j) line.R[line.rows][j] = by.H_x[i][j] / outside.sigma[i];
+      for (int j : range(n)) line.R[line.rows][j] = by.H_x[i][j] / outside.sigma[i];
       line.e[line.rows++] = apart[i] / outside.sigma[i];
     }
   }

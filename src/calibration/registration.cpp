@@ -30,7 +30,7 @@ namespace truepose {
 Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   if (is_rotational(mobility) || is_mechanism(mobility)) {
     Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
-    for (int i = 0; i < dof(mobility); ++i) angles.H_x[i][i] = 1;
+    for (int i : range(dof(mobility))) angles.H_x[i][i] = 1;
     return angles;
   }
   const int positions = positions_of(mobility);
@@ -40,7 +40,7 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
     std::copy_n(value.data(), 3, row.begin() + first);
   };
-  for (int i = 0; i < dof(mobility); ++i) {
+  for (int i : range(dof(mobility))) {
     auto& row = result.H[i];
     if (i < positions) {
       const Vec3 along = by.base.R.transpose().col(i);
@@ -102,8 +102,8 @@ double median(std::vector<double> values) {
 namespace {
 SingularValues singular_values(const Mat3& A) {
   RowMatrix rows(3, 3);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) rows(i, j) = A(i, j);
+  for (int i : range(3))
+    for (int j : range(3)) rows(i, j) = A(i, j);
   return truepose::singular_values(rows);
 }
 }  // namespace
@@ -146,11 +146,11 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
   if (is_rotational(mobility) || is_mechanism(mobility)) return known;
   std::vector<registration_detail::Pair> pairs;
   Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
-  for (int k = 0; k < count; ++k) {
+  for (int k : range(count)) {
     if (status[k] != Status::ok) continue;
     const Vec3 from = pose[k].D + pose[k].R * known.marker.t;
     Vec3 to = Vec3::Zero();
-    for (int i = 0; i < positions_of(mobility); ++i) {
+    for (int i : range(positions_of(mobility))) {
       to[i] = measured[k * dof(mobility) + i];
       if (std::isfinite(to[i])) shift[i] += (to[i] - from[i] - shift[i]) / ++counted[i];  // mean
     }

@@ -19,8 +19,8 @@ Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference& refe
   const Coordinates twist = pose_rate(reference.jacobians, rate);
   if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
   if (corrects == Corrects::readings)
-    for (int k = 0; k < r; ++k)
-      for (int i = 0; i < n; ++i) result[m + k] += reference.jr[k][i] * twist[i];
+    for (int k : range(r))
+      for (int i : range(n)) result[m + k] += reference.jr[k][i] * twist[i];
   return result;
 }
 
@@ -79,12 +79,12 @@ class ControlCycle {
     if (!before_.started || switches()) state_.position = measured_;
     if (switches()) {
       state_.rate = in_terms_of(corrects_, before_.error_rate, reference_, robot_.r);
-      for (int i = 0; i < m; ++i) state_.held[i] = before_.error[i] - state_.error[i];
+      for (int i : range(m)) state_.held[i] = before_.error[i] - state_.error[i];
       state_.leaving = settings_.lead_out;
     }
     const Real share = led_out(state_.leaving, settings_.lead_out);
     state_.leaving = std::max(0.0, state_.leaving - settings_.period);
-    for (int i = 0; i < m; ++i) state_.error[i] += share * state_.held[i];
+    for (int i : range(m)) state_.error[i] += share * state_.held[i];
   }
 
   /// Rates of the errors by their tracking loops, and of ê_q by the law.
@@ -96,7 +96,7 @@ class ControlCycle {
     const int tracked = posed() ? n : readings();
     Coordinates twist{};  // of x_d against x̂
     state_.error_rate = {};
-    for (int c = 0; c < tracked; ++c) {
+    for (int c : range(tracked)) {
       const Real rate = desired_rate(c);
       const Real expected = half * ((switches() ? rate : state_.desired[c]) + rate);
       if (switches())
@@ -104,7 +104,7 @@ class ControlCycle {
       track(settings_, pole, measured_[c], expected, state_.position[c], state_.rate[c]);
       state_.desired[c] = rate;
       if (corrects_ == Corrects::readings)
-        for (int i = 0; i < m; ++i) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
+        for (int i : range(m)) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
       else if (posed())
         twist[c] = state_.rate[c];
       else
@@ -112,7 +112,7 @@ class ControlCycle {
     }
     if (posed()) state_.error_rate = reference_.jacobians.joint_rate(twist);
     from_tangent(from);
-    for (int c = 0; c < tracked; ++c)
+    for (int c : range(tracked))
       sum_ +=
           std::fabs(state_.position[c]) + std::fabs(state_.rate[c]) + std::fabs(state_.desired[c]);
   }
@@ -126,7 +126,7 @@ class ControlCycle {
     for (int i = 0; i < m && before_.braked; ++i)  // the others do not compensate it
       if (braked(i)) state_.error[i] = state_.error_rate[i] = state_.integral[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       pd[i] = settings_.kp[i] * state_.error[i] + settings_.kd[i] * state_.error_rate[i];
       steps[i] = settings_.ki[i] * settings_.period * state_.error[i];
     }
@@ -152,7 +152,7 @@ class ControlCycle {
     }
     for (int i = 0; i < m && before_.braked; ++i)
       if (braked(i)) pd[i] = steps[i] = 0;
-    for (int i = 0; i < m; ++i) limit(i, torque[i], pd[i], steps[i]);
+    for (int i : range(m)) limit(i, torque[i], pd[i], steps[i]);
     if (m > n) make_up_for_limits();
     // A NaN in the state would fail every later cycle, as would what overflows then.
     if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
@@ -164,8 +164,7 @@ class ControlCycle {
     state_.started = true;
     state_.switched = false;
     state_.law = settings_.law;
-    for (int i = 0; i < m; ++i)
-      state_.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
+    for (int i : range(m)) state_.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
   }
 
  private:
@@ -180,7 +179,7 @@ class ControlCycle {
     if (posed()) return setpoint_.rate[c];
     if (c < m) return joint_rate_[c];
     Real rate = 0;
-    for (int j = 0; j < n; ++j) rate += reference_.jr[c - m][j] * setpoint_.rate[j];
+    for (int j : range(n)) rate += reference_.jr[c - m][j] * setpoint_.rate[j];
     return rate;
   }
 
@@ -228,18 +227,18 @@ class ControlCycle {
     const Jacobians& at = reference_.jacobians;
     std::uint32_t excluded = before_.braked;
     Joint lacks{};
-    for (int i = 0; i < m; ++i) lacks[i] = braked(i) ? 0 : wanted_[i] - state_.torque[i];
+    for (int i : range(m)) lacks[i] = braked(i) ? 0 : wanted_[i] - state_.torque[i];
     for (int left = m - n; left > 0; --left) {
       Coordinates force{};
       Square K, inverse;  // of the motors that can add
       Unknowns size{};
       std::array<int, kMaxMotors> motor;
       int count = 0;
-      for (int i = 0; i < m; ++i) {
+      for (int i : range(m)) {
         const Real rate = reference_.closure.chain[i].rate;
         if (lacks[i] != 0) excluded |= 1U << i;
         const bool adds = !(excluded >> i & 1U);
-        for (int j = 0; j < n; ++j) {
+        for (int j : range(n)) {
           const Real k = at.jx[i][j] / at.jq[i];
           force[j] += k * rate * lacks[i];
           if (adds) K[count][j] = k, size[j] += k * k;
@@ -248,7 +247,7 @@ class ControlCycle {
       }
       if (count == m || count < n || !invert(count, n, K, size, inverse)) return;
       lacks = {};
-      for (int c = 0; c < count; ++c) {
+      for (int c : range(count)) {
         Real& torque = state_.torque[motor[c]];
         const Real more = sum_of(n, [&](int j) { return inverse[j][c] * force[j]; });
         const Real next = torque + more / reference_.closure.chain[motor[c]].rate;
@@ -311,7 +310,7 @@ Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Re
   if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   const auto inertia = joint_inertia(model, jacobians.J);
-  for (int m = 0; m < motors; ++m) {
+  for (int m : range(motors)) {
     // The error is in readings, the torque is the motor's own.
     const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
     settings.kp[m] = of * frequency * frequency;

@@ -65,17 +65,17 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   if (!outcome) return outcome;
   const Joint torque = torque_of(closure, model);
   Coordinates force;
-  for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int j : range(n)) force[j] = -model.bias[j];
+  for (int i : range(robot.motors)) {
     const Real net = torque[i] - friction(robot.chain[i], model.rate[i]);
-    for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
+    for (int j : range(n)) force[j] += model.k[i][j] * net;
   }
   Coordinates size;
-  for (int j = 0; j < n; ++j) size[j] = model.mass[j][j];
+  for (int j : range(n)) size[j] = model.mass[j][j];
   const Ldlt factor(n, model.mass, size);
   if (!factor.regular()) return {Status::singular, -1};
   factor.solve(force);
-  for (int j = 0; j < n; ++j) acceleration[j] = force[j];
+  for (int j : range(n)) acceleration[j] = force[j];
   if (!all_finite(acceleration, n)) return {Status::not_finite, -1};
   return outcome;
 }

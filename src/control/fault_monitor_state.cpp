@@ -4,7 +4,7 @@
 namespace truepose {
 void prepare(FaultMonitorSettings& settings) {
   const Real each = settings.false_alarm / 2;
-  for (int k = 1; k <= kMaxSensors; ++k) settings.chi2[k] = chi2_beyond(each, k);
+  for (int k : range(1, kMaxSensors + 1)) settings.chi2[k] = chi2_beyond(each, k);
   settings.sigmas = std::sqrt(settings.chi2[1]);
   settings.decisive = 0.5 * settings.chi2[1];
   settings.own = tracker_gains(kOwnPole);

@@ -25,8 +25,8 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   if (!outcome) return outcome;
   joints = {};
   std::copy_n(x.begin(), n, joints.position.begin());
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < m; ++j) {
+  for (int i : range(n))
+    for (int j : range(m)) {
       joints.velocity[i] += at.J[i][j] * motors.velocity[j];
       joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
     }
@@ -54,8 +54,8 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   if (outcome) outcome = jacobian(closure, at);
   if (!outcome) return outcome;
   const Coordinates away = difference(robot.mobility, desired, now);
-  for (int j = 0; j < robot.motors; ++j) {
-    for (int i = 0; i < n; ++i) {
+  for (int j : range(robot.motors)) {
+    for (int i : range(n)) {
       const Real J = at.J[i][j];
       result.kp[j] += J * J * wanted.kp[i];
       result.kd[j] += J * J * wanted.kd[i];

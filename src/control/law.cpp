@@ -79,7 +79,7 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
     innovation(robot, q_e, expected, e);
     const Real chi2 = at.step(robot, e, step);
     Real size = 0;
-    for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
+    for (int i : range(n)) size = std::max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     pose = moved(robot.mobility, pose, step);
     if (is_last(size, last, chi2, n + robot.r) || is_late(size, kNearIterations - left, counted))
@@ -183,17 +183,17 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
     return outcome;
   }
   std::array<Real, kMaxReadings> e_qe;
-  for (int i = 0; i < m; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
+  for (int i : range(m)) e_qe[i] = reference.q_e[i] - q_e[i];
   if (corrects == Corrects::motors) {
-    for (int i = 0; i < m; ++i) error[i] = e_qe[i];
+    for (int i : range(m)) error[i] = e_qe[i];
     // Without what no motion of the platform corrects, against which the motors would only strain.
     if (overdriven(robot))
       error = reference.jacobians.joint_rate(pose_rate(reference.jacobians, error));
   } else {
-    for (int k = m; k < m + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];
-    for (int i = 0; i < m; ++i) {
+    for (int k : range(m, m + robot.r)) e_qe[k] = reference.q_e[k] - q_e[k];
+    for (int i : range(m)) {
       error[i] = 0;
-      for (int c = 0; c < m + robot.r; ++c) error[i] += reference.tej[i][c] * e_qe[c];
+      for (int c : range(m + robot.r)) error[i] += reference.tej[i][c] * e_qe[c];
     }
   }
   return {};
@@ -222,8 +222,8 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
   *cycle = {};
   cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
   cycle->error = e;
-  for (int i = 0; i < n; ++i) std::copy_n(reference.jacobians.J[i].begin(), m, cycle->J[i].begin());
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(n)) std::copy_n(reference.jacobians.J[i].begin(), m, cycle->J[i].begin());
+  for (int i : range(m)) {
     cycle->q_d[i] = reference.q_e[i];
     if (corrects == Corrects::readings)
       std::copy_n(reference.tej[i].begin(), m + robot.r, cycle->tej[i].begin());

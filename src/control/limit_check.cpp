@@ -48,13 +48,13 @@ struct Check {
   template <class Condition>
   std::uint32_t motors(Condition&& condition) const {
     std::uint32_t bits = 0;
-    for (int i = 0; i < n; ++i) bits |= static_cast<std::uint32_t>(condition(i)) << i;
+    for (int i : range(n)) bits |= static_cast<std::uint32_t>(condition(i)) << i;
     return bits;
   }
   /// The first motor for which a condition holds; n: none.
   template <class Condition>
   int first(Condition&& condition) const {
-    for (int i = 0; i < n; ++i)
+    for (int i : range(n))
       if (condition(i)) return i;
     return n;
   }
@@ -69,7 +69,7 @@ struct Check {
     const std::uint32_t bit_here = bit_of(cause);
     if (first(condition) == n && !(state.timed & bit_here)) return;
     state.timed &= ~bit_here;
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       hold_time(condition(i), limits.period, time[i]);
       if (!(time[i] <= 0)) state.timed |= bit_here;
     }
@@ -89,7 +89,7 @@ struct Check {
     }
     if (!cycle.answer) return;
     if (state.same == 0)
-      for (int i = 0; i < n; ++i) {
+      for (int i : range(n)) {
         constexpr int kBack = kMostWindow - 1;
         const bool full = state.have[i] == kMostWindow;
         state.pace[i] = full ? std::fabs(last[i] - past(kMostWindow)[i]) / kBack : 0;
@@ -98,7 +98,7 @@ struct Check {
     state.same = std::min(state.same + 1, kMostCounted);
     bool moved = false;
     Real unseen = 0;  // Σ of squares, beyond the count that each motor may move unseen
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       const Real asked = std::fabs(cycle.q_d[i] - state.frame[i].from);
       const Real still = limits.still[i], expected = state.pace[i] * state.same;
       // A robot at rest may start late, but not one that just moved, faster than by its noise.
@@ -145,7 +145,7 @@ struct Check {
     const std::uint32_t used = (bit(n) - 1) & ~cycle.unused, read = valid & used;
     if (read != used || state.unread) {
       state.unread = used & ~valid;
-      for (int i = 0; i < n; ++i)
+      for (int i : range(n))
         state.missing[i] = state.unread & bit(i) ? state.missing[i] + limits.period : 0;
       flag(StopCause::missing_reading,
            [&](int i) { return !(state.missing[i] <= limits.missing); });
@@ -169,7 +169,7 @@ struct Check {
       return read & bit(i) &&
              (m >= window ? too_fast(i, before[i], window) : m > 0 && too_fast(i, past(m)[i], m));
     });
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       state.have[i] = read & bit(i) ? std::min(state.have[i] + 1, kMostWindow) : 0;
     }
     state.past[state.cycle % kMostWindow] = cycle.q;
@@ -182,7 +182,7 @@ struct Check {
       return;
     }
     state.unanswered = 0;
-    for (int j = 0; j < freedoms; ++j) {
+    for (int j : range(freedoms)) {
       const Real x = cycle.x[j], low = limits.box_low[j], high = limits.box_high[j];
       found.add(low < high && !(x >= low && x <= high), StopCause::workspace);
     }

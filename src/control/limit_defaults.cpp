@@ -41,7 +41,7 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
   Joint friction{};
   int window = 1;
   Real slowest = INFINITY, rest = 0;
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Chain& chain = robot.chain[i];
     const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
     const Real torque = chain.torque_limit;
@@ -73,18 +73,18 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
     rest = std::max(rest, limits.speed[i] * inertia / torque);
   }
   Coordinates size;
-  for (int l = 0; l < n; ++l) size[l] = home.model.mass[l][l];
+  for (int l : range(n)) size[l] = home.model.mass[l][l];
   const Ldlt factor(n, home.model.mass, size);
   for (int j = 0; j < motors && shaped; ++j) {  // one motor's friction moves the others, too
     Coordinates motion;
-    for (int l = 0; l < n; ++l) motion[l] = home.model.k[j][l] * friction[j];
+    for (int l : range(n)) motion[l] = home.model.k[j][l] * friction[j];
     factor.solve(motion);
-    for (int i = 0; i < motors; ++i) {
+    for (int i : range(motors)) {
       const Real error = sum_of(n, [&](int l) { return home.model.k[i][l] * motion[l]; });
       limits.rests[i] += std::fabs(home.model.slope[i] * error / settings.kp[i]);
     }
   }
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Real answer = sum_of(motors, [&](int j) {
       if (j != i && !shaped) return Real{0};
       return std::fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
@@ -105,7 +105,7 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
 namespace truepose::safety_detail {
 Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimits& limits) {
   Real least = INFINITY;
-  for (int direction = 1; direction < 27; ++direction) {
+  for (int direction : range(1, 27)) {
     std::array<Real, 3> d{};
     Real size = 0, most = 0;
     for (int j = 0, code = direction; j < positions_of(robot.mobility); ++j, code /= 3) {
@@ -113,9 +113,9 @@ Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimit
       size += d[j] * d[j];
     }
     if (size == 0) continue;
-    for (int i = 0; i < robot.motors; ++i) {
+    for (int i : range(robot.motors)) {
       Real rate = 0;
-      for (int j = 0; j < positions_of(robot.mobility); ++j) rate += model.k[i][j] * d[j];
+      for (int j : range(positions_of(robot.mobility))) rate += model.k[i][j] * d[j];
       most = std::max(most, std::fabs(rate) / limits.still[i] / std::sqrt(size));
     }
     least = std::min(least, most);
@@ -132,10 +132,10 @@ Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool m
   const Outcome outcome = home.find(robot);
   if (!outcome) return outcome;
   Real mass = 0, per_work = 0, kp = 0, kd = 0, dither = 0, rests = 0;
-  for (int j = 0; j < positions_of(robot.mobility); ++j)  // Gershgorin
+  for (int j : range(positions_of(robot.mobility)))  // Gershgorin
     mass = std::max(mass, sum_of(positions_of(robot.mobility),
                                  [&](int l) { return std::fabs(home.model.mass[j][l]); }));
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     per_work = std::max(per_work, home.lever(i) / limits.torque[i]);
     kp = std::max(kp, limits.kp[i]);
     kd = std::max(kd, limits.kd[i]);
@@ -169,14 +169,14 @@ Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathN
                                setpoint.acceleration, torque);
   if (!outcome) return outcome;
   const Joint rate = jacobians.joint_rate(setpoint.rate);
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     needs.speed[i] = std::max(needs.speed[i], std::fabs(rate[i]));
     needs.torque[i] = std::max(needs.torque[i], std::fabs(torque[i]));
     if (needs.begun)
       needs.slew[i] = std::max(needs.slew[i], std::fabs(torque[i] - needs.last[i]) / period);
     needs.last[i] = torque[i];
   }
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i : range(dof(robot.mobility))) {
     needs.low[i] = needs.begun ? std::min(needs.low[i], setpoint.x[i]) : setpoint.x[i];
     needs.high[i] = needs.begun ? std::max(needs.high[i], setpoint.x[i]) : setpoint.x[i];
   }
@@ -188,12 +188,12 @@ Outcome contradiction(const Robot& robot, const SafetyLimits& limits, const Path
   const int n = dof(robot.mobility);
   const Outcome own = consistent(limits, robot.motors, n);
   if (!own) return own;
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     if (!(needs.speed[i] <= limits.speed[i] && needs.torque[i] <= limits.torque[i] &&
           needs.slew[i] <= limits.slew[i]))
       return {Status::no_such_value, i};
   }
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     const bool boxed = limits.box_low[i] < limits.box_high[i];
     if (boxed && !(needs.low[i] >= limits.box_low[i] && needs.high[i] <= limits.box_high[i]))
       return {Status::no_such_value, -1};

@@ -31,7 +31,7 @@ struct AtHome {
   /// Speed of the reference point (on passive axes: of the axes) per speed of a motor.
   Real lever(int motor) const {
     Real sum = 0;
-    for (int j = 0; j < positions_of(closure.carried.mobility); ++j)
+    for (int j : range(positions_of(closure.carried.mobility)))
       sum += jacobians.J[j][motor] * jacobians.J[j][motor];
     return std::sqrt(sum);
   }

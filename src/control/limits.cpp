@@ -14,9 +14,9 @@ Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
   good = good && l.missing >= 0 && l.missing <= kReaction && l.held >= 0 && l.held <= kReaction;
   good = good && l.window >= 1 && l.window <= kMostWindow && l.age >= 1 &&
          l.age * period <= kReaction && l.counter_bits >= 2 && l.counter_bits <= 64;
-  for (int j = 0; j < freedoms; ++j) good = good && l.box_low[j] <= l.box_high[j];
+  for (int j : range(freedoms)) good = good && l.box_low[j] <= l.box_high[j];
   if (!good) return {Status::no_such_value, -1};
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     good = positive(l.torque[i]) && positive(l.slew[i]) && positive(l.speed[i]);
     // The stop's torque is reached from any other within the reaction time.
     good = good && 2 * l.torque[i] <= l.slew[i] * kReaction * (1 + by_precision(1e-9, 1e-5));
@@ -32,7 +32,7 @@ Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
 
 bool approach(const SafetyLimits& limits, int motors, const Joint& target, Joint& torque) {
   bool reached = true;
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Real most = limits.torque[i] > 0 ? limits.torque[i] : 0;
     const Real step = limits.slew[i] * limits.period > 0 ? limits.slew[i] * limits.period : 0;
     const Real now = torque[i];

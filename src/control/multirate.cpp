@@ -4,7 +4,7 @@
 namespace truepose {
 void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
   const int n = dof(robot.mobility), m = robot.motors;
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     if (!late.is(k)) continue;
     const Real off = q_e[m + k] - late.expected[k];
     if (!std::isfinite(off)) continue;  // the law reports it
@@ -19,14 +19,14 @@ void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
     const Real follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
     const Real share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
     late.slow[k] += share * (off - late.slow[k]);
-    for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
+    for (int i : range(n)) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
     q_e[m + k] = late.expected[k] + late.slow[k];
   }
 }
 
 Outcome start(const MultirateSettings& settings, Multirate& late) {
   late = Multirate{};
-  for (int k = 0; k < kMaxSensors; ++k) {
+  for (int k : range(kMaxSensors)) {
     const int every = std::max(1, settings.every[k]), age = settings.age[k];
     if (settings.every[k] < 0 || every > kSlowest || age < 0 || age > kOldest ||
         !all_finite(settings.sensitivity[k], kMaxDof) || !(settings.period > 0)) {
@@ -43,7 +43,7 @@ Outcome start(const MultirateSettings& settings, Multirate& late) {
 
 std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle) {
   std::uint32_t bits = 0;
-  for (int k = 0; k < kMaxSensors; ++k) {
+  for (int k : range(kMaxSensors)) {
     const std::int64_t taken = cycle - settings.age[k];
     const bool due = taken >= 0 && taken % std::max(1, settings.every[k]) == 0;
     if (settings.is(k) && (due || cycle == 0)) bits |= bit(k);
@@ -87,10 +87,10 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
   if (!outcome) return outcome;
   if (late.placed) late.motion = difference(robot.mobility, parity.pose, late.pose);
   late.pose = parity.pose;
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     late.change[k] = -parity.value[k];
     late.noise[k] = 0;
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       const Chain& chain = robot.chain[j];
       late.noise[k] +=
           parity.g[k][j] * parity.g[k][j] *
@@ -112,14 +112,14 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   if (!placed && first) return placed;
   late.placed = bool(placed);
   for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
-  for (int k = 0; k < robot.r; ++k) late.expected[k] += late.change[k];
+  for (int k : range(robot.r)) late.expected[k] += late.change[k];
   const auto at = [&](std::int64_t ago) {  // before the first cycle the robot stood still
     return static_cast<std::size_t>(std::max<std::int64_t>(0, late.cycle - ago)) & kOldest;
   };
   late.was[at(0)] = late.expected;
   late.was_there[at(0)] = late.way;
   if (first) late.arrived = late.which;
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     if (!late.is(k)) continue;
     late.since[k] += 1;
     if (late.arrived & bit(k)) {
@@ -133,7 +133,7 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
       late.sample[k] = q_e[m + k];
       late.then[k] = then(late.was[next][k], late.was[last][k]);
       late.before[k] = first ? late.way : late.there[k];
-      for (int i = 0; i < n; ++i)
+      for (int i : range(n))
         late.there[k][i] = then(late.was_there[next][i], late.was_there[last][i]);
       late.off[k] = within_turn(robot, m + k, late.sample[k] - late.then[k]);
     }
@@ -150,7 +150,7 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
 namespace truepose::late_detail {
 Real latency_variance(const Multirate& late, int sensor, const std::array<Real, kMaxDof>& since) {
   Real variance = 0;
-  for (int i = 0; i < kMaxDof; ++i) {
+  for (int i : range(kMaxDof)) {
     const Real by = late.settings.sensitivity[sensor][i] * (late.way[i] - since[i]);
     variance += by * by;
   }
@@ -160,7 +160,7 @@ Real latency_variance(const Multirate& late, int sensor, const std::array<Real, 
 
 namespace truepose {
 void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     Real& sigma = known.sigma[robot.motors + k];
     if (late.is(k))
       sigma = std::sqrt(sigma * sigma + late.noise[k] +

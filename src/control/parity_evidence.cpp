@@ -15,14 +15,14 @@
 namespace truepose::fault_monitor_detail {
 bool MonitoredCycle::covariance(Real gain, Real share, ReadingCovariance& V) const {
   Extended variance;
-  for (int c = 0; c < rows; ++c) variance[c] = gain * noise[c] + unknown[c];
+  for (int c : range(rows)) variance[c] = gain * noise[c] + unknown[c];
   parity.covariance(r, variance, monitor.geometry, monitor.known ? share : 0, V);
   return V.factor(r);
 }
 
 Real MonitoredCycle::bending() const {
   Real way2 = 0, bend2 = 0;
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i : range(dof(robot.mobility))) {
     const Real bend = monitor.motion[i] - monitor.last[i];
     way2 += monitor.motion[i] * monitor.motion[i];
     bend2 += bend * bend;
@@ -42,7 +42,7 @@ Column MonitoredCycle::column_of(int c, const ReadingCovariance& V, const Readin
   Reading g = parity.signature(r, c);
   V.whiten(r, g.data(), 1);
   Column column;
-  for (int k = 0; k < r; ++k) column.add(g[k], y[k]);
+  for (int k : range(r)) column.add(g[k], y[k]);
   return column;
 }
 
@@ -52,7 +52,7 @@ Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mea
   V.whiten(r, y.data(), 1);
   Extended odds;
   odds.fill(-INFINITY);
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     Column error = column_of(c, V, y);
     if (without & bit(c) || !(error.information > 0)) continue;
     odds[c] = error.chi2() / 2;
@@ -77,7 +77,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
   const Disagreement& all = monitor.disagreement;
   const Real share = Real{1} / all.cycles;
   Reading mean;
-  for (int k = 0; k < r; ++k) mean[k] = share * (jumped ? all.change[k] : all.level[k]);
+  for (int k : range(r)) mean[k] = share * (jumped ? all.change[k] : all.level[k]);
   ReadingCovariance V;
   // The tracker's own error is common to these cycles.
   const Real gain = jumped ? settings.together.variance - 1 + share : share;
@@ -85,7 +85,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
   const Extended odds = log_odds(V, mean, jumped);
   const Real best = *std::max_element(odds.begin(), odds.begin() + rows);
   std::uint32_t alike = 0;
-  for (int c = 0; c < rows; ++c)
+  for (int c : range(rows))
     if (odds[c] > -INFINITY && odds[c] >= best - settings.decisive) alike |= bit(c);
   return alike;
 }
@@ -93,8 +93,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
 void MonitoredCycle::test_parity() {
   Disagreement& all = monitor.disagreement;
   Reading change{};
-  for (int k = 0; k < r; ++k)
-    change[k] = parity.value[k] - monitor.parity[k].predicted(settings.period);
+  for (int k : range(r)) change[k] = parity.value[k] - monitor.parity[k].predicted(settings.period);
   // During a disagreement the tracker only predicts, for some cycles.
   const Real coasted = 1 + 0.5 * all.undecided * (1 - kParityPole);
   const Real bend = bending() * coasted * coasted;
@@ -109,7 +108,7 @@ void MonitoredCycle::test_parity() {
   }
   if (!monitor.undecided) {  // a stopping robot behaves differently
     if (all.cycles++ == 0) all.jump = innovation;
-    for (int k = 0; k < r; ++k) {
+    for (int k : range(r)) {
       all.change[k] += change[k];
       all.level[k] += parity.value[k];
     }
@@ -128,11 +127,11 @@ void MonitoredCycle::test_parity() {
         driven = driven || monitor.reading[c].standstill.feigns();
         if (std::isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
       }
-    for (int k = 0; k < r; ++k)
+    for (int k : range(r))
       believed[n + k] -= driven ? parity.value[k] - monitor.usual[k] : change[k];
     return;
   }
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     if (!(monitor.doubted & bit(c))) continue;
     Standstill& still = monitor.reading[c].standstill;
     still.stuck = !delayed(c) && raw(c) == still.reading &&

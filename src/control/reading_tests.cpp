@@ -3,7 +3,7 @@
 
 namespace truepose::fault_monitor_detail {
 void MonitoredCycle::test_readings(int begin, int end) {
-  for (int c = begin; c < end; ++c) {
+  for (int c : range(begin, end)) {
     MonitoredReading& reading = monitor.reading[c];
     if (!reading.begun && number(q_e[c])) {
       reading.begun = true;
@@ -83,7 +83,7 @@ void MonitoredCycle::extrapolate_delayed() {
   if (!compensate_latency(robot, *late, by)) return;
   std::copy_n(by.begin() + n, r, q_e.begin() + n);
   const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     if (delayed(c))
       noise[c] =
           motors ? noise[c] + late_detail::latency_variance(*late, c - n, late->before[c - n]) : 1;

@@ -86,7 +86,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
   constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
   Knowledge alike;
   alike.sigma.fill(kSigma);
-  for (int k = 0; k < robot.r; ++k)
+  for (int k : range(robot.r))
     alike.sigma[robot.motors + k] = kSigma / std::sqrt(robot.sensor[k].weight);
   ReadingCovariance C;
   Expected at{near, {}, {}};

@@ -23,7 +23,7 @@ Real MonitoredCycle::tolerated_motion(int c, Real share) const {
 Real MonitoredCycle::setpoint(int c) const {
   if (c < n) return desired[c] + monitor.led[c];
   Real value = parity.expected[c];
-  for (int j = 0; j < n; ++j) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
+  for (int j : range(n)) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
   return number(value) ? value : monitor.reading[c].standstill.driven.from;
 }
 

@@ -24,7 +24,7 @@ Steps steps_of(const ChangeSettings& changes, int change) {
 
 int widest(const ChangeSettings& changes) {
   int most = kFaults;
-  for (int k = 0; k < changes.count; ++k) most = std::max(most, steps_of(changes, k).count);
+  for (int k : range(changes.count)) most = std::max(most, steps_of(changes, k).count);
   return most;
 }
 
@@ -32,7 +32,7 @@ int widest(const ChangeSettings& changes) {
 Evidence evidence_of(const ChangeSettings& changes, int change, const Window& window) {
   const auto [first, n] = steps_of(changes, change);
   Real *S = window.scratch, *z = S + n * n;
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     std::copy_n(window.product + (first + i) * window.widest, n, S + i * n);
     z[i] = window.z[first + i];
   }
@@ -69,11 +69,11 @@ void restart(const ChangeSettings& changes, int readings, Window& window, Real* 
   const int K = responses(changes, readings), p = filter.count;
   filter.assign(window.base);
   if (changes.load >= 0)
-    for (int j = 0; j < p; ++j)
+    for (int j : range(p))
       filter.xi[filter.column[j]] += window.moved * changes.step[changes.load * p + j];
-  for (int k = 0; k < changes.steps; ++k) {
+  for (int k : range(changes.steps)) {
     if (!(window.share[k] > 0)) continue;
-    for (int j = 0; j < p; ++j) work[j] = std::sqrt(window.share[k]) * changes.step[k * p + j];
+    for (int j : range(p)) work[j] = std::sqrt(window.share[k]) * changes.step[k * p + j];
     add_drift(p, filter.root, work);
   }
   std::fill_n(window.response, K * p, 0.0);
@@ -106,41 +106,41 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
   Real* const every = window.scratch;
   const auto respond = [&](int k) {  // w holds the step's own effect
     Real* own = window.response + k * p;
-    for (int i = 0; i < r; ++i)
-      for (int j = 0; j < p; ++j) w[i] -= row.B[i * p + j] * own[j];
+    for (int i : range(r))
+      for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
     made.transform(w);
-    for (int i = 0; i < r; ++i) {
+    for (int i : range(r)) {
       const Real share = w[i] / made.total[i];
       window.z[k] += share * made.y[i];
       every[k * r + i] = w[i];
-      for (int j = 0; j < p; ++j) own[j] += gain[i * p + j] * share;
+      for (int j : range(p)) own[j] += gain[i * p + j] * share;
     }
   };
-  for (int k = 0; k < changes.steps; ++k) {
-    for (int i = 0; i < r; ++i) {
+  for (int k : range(changes.steps)) {
+    for (int i : range(r)) {
       const auto by = [&](int j) { return row.B[i * p + j] * changes.step[k * p + j]; };
       w[i] = k == changes.load && row.loaded ? row.loaded[i] : sum_of(p, by);
     }
     respond(k);
   }
-  for (int c = 0; c < readings; ++c) {
-    for (int fault = 0; fault < kFaults; ++fault) {
+  for (int c : range(readings)) {
+    for (int fault : range(kFaults)) {
       const Real bias = kFault / sigma[c] * (fault ? Real(window.rows) / kWindow : 1);
-      for (int i = 0; i < r; ++i) w[i] = bias * row.G[i * readings + c];
+      for (int i : range(r)) w[i] = bias * row.G[i * readings + c];
       respond(changes.steps + kFaults * c + fault);
     }
-    for (int i = 0; i < r; ++i) w[i] = row.G[i * readings + c];
+    for (int i : range(r)) w[i] = row.G[i * readings + c];
     made.transform(w);
     Column error;
-    for (int i = 0; i < r; ++i) error.add(w[i], made.y[i], made.total[i]);
+    for (int i : range(r)) error.add(w[i], made.y[i], made.total[i]);
     for (std::size_t f = 0; f < kFactor.size(); ++f)
       window.noisy[f][c] += error.log_odds(kFactor[f] * kFactor[f] - 1);
   }
-  for (int change = 0; change < changes.count + readings; ++change) {
+  for (int change : range(changes.count + readings)) {
     const auto [first, count] = steps_of(changes, change);
-    for (int a = first; a < first + count; ++a)
-      for (int b = first; b <= a; ++b)
-        for (int i = 0; i < r; ++i)
+    for (int a : range(first, first + count))
+      for (int b : range(first, a + 1))
+        for (int i : range(r))
           window.product[a * window.widest + b - first] +=
               every[a * r + i] * every[b * r + i] / made.total[i];
   }
@@ -163,11 +163,11 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
     return true;
   };
   const auto of = [&](int change) { return evidence_of(changes, change, window); };
-  for (int k = 0; k < changes.count; ++k) compare(ChangeKind::part, k, of(k));
-  for (int c = 0; c < readings; ++c) compare(ChangeKind::fault, c, of(changes.count + c));
+  for (int k : range(changes.count)) compare(ChangeKind::part, k, of(k));
+  for (int c : range(readings)) compare(ChangeKind::fault, c, of(changes.count + c));
   const Real steps_top = top;
   Real factor = 1;  // of noise, if that is the likeliest
-  for (int c = 0; c < readings; ++c)
+  for (int c : range(readings))
     for (std::size_t f = 0; f < kFactor.size(); ++f) {
       if (kFactor[f] < 1 && sigma[c] < 1.5 * window.sigma[c]) continue;
       const bool wild = kFactor[f] * sigma[c] > kNoisiest * window.sigma[c];
@@ -179,8 +179,8 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   // Relative to the likeliest.
   const Real none = std::exp(-top);
   Real parts = 0, faults = 0;
-  for (int k = 0; k < changes.count; ++k) parts += std::exp(of(k).log_odds - top);
-  for (int c = 0; c < readings; ++c) faults += std::exp(of(changes.count + c).log_odds - top);
+  for (int k : range(changes.count)) parts += std::exp(of(k).log_odds - top);
+  for (int c : range(readings)) faults += std::exp(of(changes.count + c).log_odds - top);
   const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;
@@ -193,7 +193,7 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
     finding.likeliest = best_of(ChangeKind::fault);
   } else {
     finding.likeliest = best_of(ChangeKind::part);
-    for (int k = 0; k < changes.count; ++k) {
+    for (int k : range(changes.count)) {
       const Real share = std::exp(of(k).log_odds - top) / parts;
       const auto [first, count] = steps_of(changes, k);
       for (int j = first; share > kNeglected && j < first + count; ++j) {

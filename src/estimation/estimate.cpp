@@ -14,7 +14,7 @@ Real dot(int size, const Real* a, const Real* b) {
   Real sum[4] = {};
   int k = 0;
   for (; k + 4 <= size; k += 4)
-    for (int j = 0; j < 4; ++j) sum[j] += a[k + j] * b[k + j];
+    for (int j : range(4)) sum[j] += a[k + j] * b[k + j];
   for (; k < size; ++k) sum[0] += a[k] * b[k];
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
@@ -24,9 +24,9 @@ Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
   const int rows = readings(robot);
   times_root(known, rows, B);
   bool positive = true;
-  for (int i = 0; i < rows; ++i) {
+  for (int i : range(rows)) {
     positive = positive && known.sigma[i] > 0;
-    for (int j = 0; j <= i; ++j)
+    for (int j : range(i + 1))
       C.L[i][j] = (i == j) + dot(known.count, B + i * known.count, B + j * known.count);
   }
   return {positive && C.factor(rows) ? Status::ok : Status::not_finite, -1};
@@ -52,12 +52,12 @@ struct WhitenedRows {
                const PoseRows& H_x)
       : A(H_x) {
     const int n = dof(robot.mobility), rows = readings(robot);
-    for (int i = 0; i < rows; ++i)
-      for (int j = 0; j < n; ++j) A[i][j] /= known.sigma[i];
-    for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], kMaxDof);
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j <= i; ++j)
-        for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
+    for (int i : range(rows))
+      for (int j : range(n)) A[i][j] /= known.sigma[i];
+    for (int j : range(n)) C.whiten(rows, &A[0][j], kMaxDof);
+    for (int i : range(n)) {
+      for (int j : range(i + 1))
+        for (int k : range(rows)) normal[i][j] += A[k][i] * A[k][j];
       size[i] = normal[i][i];
     }
   }
@@ -68,11 +68,11 @@ struct Normal : WhitenedRows, Ldlt {
       : WhitenedRows(robot, known, C, H_x), Ldlt(dof(robot.mobility), normal, size) {}
 
   void covariance(int n, PoseMatrix& P) const {
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       Coordinates unit{};
       unit[j] = 1;
       solve(unit);
-      for (int i = 0; i < n; ++i) P[i][j] = unit[i];
+      for (int i : range(n)) P[i][j] = unit[i];
     }
   }
 };
@@ -117,12 +117,12 @@ struct Search {
     const Coordinates before = step;
     Real along = 0, whole2 = 0;  // of the last one
     Coordinates slope{};
-    for (int i = 0; i < n; ++i)
+    for (int i : range(n))
       slope[i] = sum_of(rows, [&](int c) { return equations.A[c][i] * white[c]; });
     step = slope;
     equations.solve(step);
     size = promised = 0;
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       promised += slope[i] * step[i];
       size = std::max(size, step[i] * step[i] / covariance[i][i]);
       along += step[i] * before[i] / covariance[i][i];
@@ -152,14 +152,14 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
   const Normal equations(robot, known, C, H_x);
   if (!equations.regular()) return {Status::singular, -1};
   equations.covariance(n, fusion.covariance);
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     Coordinates column = equations.A[c];
     equations.solve(column);
-    for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
+    for (int i : range(n)) fusion.gain[i][c] = column[i];
   }
-  for (int i = 0; i < n; ++i) {  // times L⁻¹, from the right
+  for (int i : range(n)) {  // times L⁻¹, from the right
     C.colour(rows, fusion.gain[i].data());
-    for (int c = 0; c < rows; ++c) fusion.gain[i][c] /= known.sigma[c];
+    for (int c : range(rows)) fusion.gain[i][c] /= known.sigma[c];
   }
   return {};
 }
@@ -168,7 +168,7 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
           const Extended& q_e, const Extended& expected, Extended& white) {
   const int rows = readings(robot);
   innovation(robot, q_e, expected, white);
-  for (int c = 0; c < rows; ++c) white[c] /= known.sigma[c];
+  for (int c : range(rows)) white[c] /= known.sigma[c];
   C.whiten(rows, white.data(), 1);
   return sum_of(rows, [&](int c) { return white[c] * white[c]; });
 }
@@ -224,8 +224,8 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
 
 void weighted_tej(const Robot& robot, const PoseRows& H_x, const Fusion& fusion,
                   ExtendedRows& M_plus) {
-  for (int i = 0; i < robot.motors; ++i)
-    for (int c = 0; c < readings(robot); ++c)
+  for (int i : range(robot.motors))
+    for (int c : range(readings(robot)))
       M_plus[i][c] =
           sum_of(dof(robot.mobility), [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
 }

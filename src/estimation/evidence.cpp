@@ -6,14 +6,14 @@
 namespace truepose {
 Evidence evidence(int n, Real* S, Real* z) {
   Evidence found;
-  for (int i = 0; i < n; ++i) {  // Cholesky and forward substitution, row by row
+  for (int i : range(n)) {  // Cholesky and forward substitution, row by row
     Real* row = S + i * n;
-    for (int j = 0; j <= i; ++j) {
+    for (int j : range(i + 1)) {
       Real sum = row[j] + (i == j);
-      for (int k = 0; k < j; ++k) sum -= row[k] * S[j * n + k];
+      for (int k : range(j)) sum -= row[k] * S[j * n + k];
       row[j] = i == j ? std::sqrt(std::max(sum, Real(1))) : sum / S[j * n + j];
     }
-    for (int k = 0; k < i; ++k) z[i] -= row[k] * z[k];
+    for (int k : range(i)) z[i] -= row[k] * z[k];
     z[i] /= row[i];
     found.chi2 += z[i] * z[i];
     found.log_odds -= std::log(row[i]);

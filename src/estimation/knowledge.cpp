@@ -15,13 +15,13 @@ void times_root(const Knowledge& known, int rows, Real* B) {
       if (from < first + width) {  // the triangle on the diagonal
         const Real* S = known.root + first * p + first;
         for (int k = 0; k < width; ++k, S += p)
-          for (int j = 0; j <= k; ++j) sum[j] += row[first + k] * S[j];
+          for (int j : range(k + 1)) sum[j] += row[first + k] * S[j];
       }
       const int behind = std::max(first + kBlock, from);
       const Real* S = known.root + behind * p + first;
       for (int k = behind; k < to; ++k, S += p)
 #pragma GCC unroll 8  // the sums stay in registers: a third fewer instructions
-        for (int j = 0; j < kBlock; ++j) sum[j] += row[k] * S[j];
+        for (int j : range(kBlock)) sum[j] += row[k] * S[j];
       std::copy_n(sum, width, row + first);
     }
   }

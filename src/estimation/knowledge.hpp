@@ -22,13 +22,13 @@ inline void gather_row(const Robot& robot, const Knowledge& known, const Real* H
                        Real* row, int last = 0) {
   const Real per_sigma = 1 / known.sigma[c];
   H_xi += c * parameter_count(robot);
-  for (int k = 0; k < known.count - last; ++k) row[k] = per_sigma * H_xi[known.column[k]];
+  for (int k : range(known.count - last)) row[k] = per_sigma * H_xi[known.column[k]];
 }
 
 /// The same of `rows` rows.
 inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi, int rows, Real* B,
                    int last = 0) {
-  for (int c = 0; c < rows; ++c) gather_row(robot, known, H_xi, c, B + c * known.count, last);
+  for (int c : range(rows)) gather_row(robot, known, H_xi, c, B + c * known.count, last);
 }
 
 /// B S in place, in blocks: entry j of a row depends on those from j on. Only the nonzero span of a

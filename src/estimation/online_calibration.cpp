@@ -23,15 +23,15 @@ bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& 
   if (changes.load < 0) return false;
   Square transposed{};
   Unknowns size{};
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) {
+  for (int i : range(n))
+    for (int j : range(n)) {
       transposed[j][i] = H_x[i][j] * sigma[i];
       size[i] += transposed[j][i] * transposed[j][i];
     }
   const Factors factors(n, n, transposed.data(), size);
   if (!factors.regular()) return false;
   const Unknowns torque = factors.solve(changes.force.data());
-  for (int i = 0; i < rows - n; ++i)
+  for (int i : range(rows - n))
     loaded[i] = sum_of(
         n, [&](int c) { return G[i * rows + c] * changes.compliance[c] * torque[c] / sigma[c]; });
   return true;
@@ -113,12 +113,12 @@ bool Cycle::isolate(int r, int& faulty) {
   std::array<Real, kMaxRows * kMaxRows> unit;
   if (r < 2 || !of_readings(n, readings, H_x, unit.data())) return false;
   Extended explained{};  // decrease of χ² by each reading's error
-  for (int c = 0; c < readings; ++c) {
+  for (int c : range(readings)) {
     std::array<Real, kMaxReadings> g;
-    for (int i = 0; i < r; ++i) g[i] = unit[(n + i) * readings + c];
+    for (int i : range(r)) g[i] = unit[(n + i) * readings + c];
     made.transform(g);
     Column error;
-    for (int i = 0; i < r; ++i) error.add(g[i], made.y[i], made.total[i]);
+    for (int i : range(r)) error.add(g[i], made.y[i], made.total[i]);
     explained[c] = error.chi2();
   }
   const int suspect = outstanding(readings, explained, beyond(settings.gate, 1));
@@ -153,7 +153,7 @@ void Cycle::drift() {
   state.due = (state.due + 1) % by.drifts;
   const Real cycles = std::sqrt(Real(by.drifts));
   const int p = state.count;
-  for (int k = 0; k < p; ++k) work.gain[k] = cycles * by.drift[state.due * p + k];
+  for (int k : range(p)) work.gain[k] = cycles * by.drift[state.due * p + k];
   add_drift(p, state.root, work.gain);
 }
 }  // namespace

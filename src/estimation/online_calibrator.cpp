@@ -102,7 +102,7 @@ void conclude(OnlineCalibrator& calibrator) {
     window.fault = false;
   }
   if (window.openings > 0) window.suspect = -1;
-  for (int k = 0; k < window.openings; ++k) report(window, window.opened[k]);
+  for (int k : range(window.openings)) report(window, window.opened[k]);
   if (window.next >= kWindow || window.openings > 0) begin_window(calibrator);
 }
 
@@ -123,13 +123,13 @@ Outcome publish(Level level, OnlineCalibrator& calibrator) {
   if (!outcome) return outcome;
   Real share = 1;
   const Extended& sigma = first_sigma(calibrator.state);
-  for (int c = 0; c < drawn.motors; ++c) {
+  for (int c : range(drawn.motors)) {
     const Real jump =
         sum_of(width, [&](int k) { return H_xi[c * width + k] * (xi[k] - in_use[k]); });
     const Real most = kJump * sigma[c];
     if (std::fabs(jump) > most) share = std::min(share, most / std::fabs(jump));
   }
-  for (int k = 0; k < width; ++k)
+  for (int k : range(width))
     in_use[k] = share < 1 ? in_use[k] + share * (xi[k] - in_use[k]) : xi[k];
   return set_parameters(drawn, in_use, calibrator.robot);
 }
@@ -200,7 +200,7 @@ Outcome calibrate_online(Level level, OnlineCalibrator& calibrator, const Extend
   Window* const window = state.window;
   const int m = readings(*calibrator.drawn);
   bool news = calibrator.lines + calibrator.left_out == 0;
-  for (int c = 0; c < m; ++c)
+  for (int c : range(m))
     news =
         news || std::fabs(q_e[c] - calibrator.last[c]) > calibrator.fresh * first_sigma(state)[c];
   Outcome outcome = calibrator.made;

@@ -3,13 +3,13 @@
 
 namespace truepose {
 void decorrelate(int p, Real* F, Real curvature, Innovations& made) {
-  for (int i = 0; i < made.r; ++i) {
+  for (int i : range(made.r)) {
     const Real* f = F + i * p;
     const Real open = sum_of(p, [&](int j) { return f[j] * f[j]; });
     const Real curved = curvature * open;
     made.noise[i] = 1 + curved * curved;
     made.total[i] = made.noise[i] + open;
-    for (int k = i + 1; k < made.r; ++k) {
+    for (int k : range(i + 1, made.r)) {
       Real *other = F + k * p, sum = 0, before = made.noise[i];
       for (int j = p - 1; j >= 0; --j) {
         const Real alpha = before + f[j] * f[j], old = other[j];
@@ -27,7 +27,7 @@ Outcome innovate(const RootFilter& filter, const Real* about, Real curvature, Re
                  Innovations& made) {
   const int p = filter.count;
   for (int i = 0; i < made.r && about != filter.xi; ++i)
-    for (int k = 0; k < p; ++k) {
+    for (int k : range(p)) {
       const int at = filter.column[k];
       made.y[i] -= F[i * p + k] * (filter.xi[at] - about[at]);
     }
@@ -37,9 +37,9 @@ Outcome innovate(const RootFilter& filter, const Real* about, Real curvature, Re
   decorrelate(p, F, curvature, made);
   // The update must not overflow, nor an equation be as good as certain. A NaN shows in the sum.
   Real sum = 0 * made.chi2();
-  for (int i = 0; i < made.r; ++i) {
+  for (int i : range(made.r)) {
     sum += 0 / made.noise[i];
-    for (int k = 0; k < p; ++k) sum += 0 * (F[i * p + k] / made.noise[i]);
+    for (int k : range(p)) sum += 0 * (F[i * p + k] / made.noise[i]);
   }
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
@@ -48,12 +48,12 @@ namespace {
 /// Updates S by one equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
 /// @param b  out: the gain times alpha + fᵀf
 void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
-  for (int j = 0; j < p; ++j) b[j] = 0;
+  for (int j : range(p)) b[j] = 0;
   for (int j = p - 1; j >= 0; --j) {
     const Real before = alpha;
     alpha += f[j] * f[j];
     const Real beta = std::sqrt(before / alpha), lambda = f[j] / before;
-    for (int i = j; i < p; ++i) {
+    for (int i : range(j, p)) {
       const Real old = S[i * p + j];
       S[i * p + j] = beta * (old - lambda * b[i]);
       b[i] += f[j] * old;
@@ -67,16 +67,16 @@ void update(const Innovations& made, const Real* F, RootFilter& filter, Real* ga
   for (int i = 0; i < made.r; ++i, F += p, gain += p) {
     update_root(p, filter.root, F, made.noise[i], gain);
     const Real step = made.y[i] / made.total[i];
-    for (int k = 0; k < p; ++k) filter.xi[filter.column[k]] += gain[k] * step;
+    for (int k : range(p)) filter.xi[filter.column[k]] += gain[k] * step;
   }
 }
 
 void add_drift(int p, Real* S, Real* v) {
-  for (int k = 0; k < p; ++k) {
+  for (int k : range(p)) {
     const Real length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
     if (!(length > 0)) continue;
     const Real c = S[k * p + k] / length, s = v[k] / length;
-    for (int i = k; i < p; ++i) {
+    for (int i : range(k, p)) {
       const Real old = S[i * p + k];
       S[i * p + k] = c * old + s * v[i];
       v[i] = c * v[i] - s * old;

@@ -18,7 +18,7 @@ struct RootFilter {
 
   /// Copies another one's numbers.
   void assign(const RootFilter& from) {
-    for (int k = 0; k < count; ++k) xi[column[k]] = from.xi[column[k]];
+    for (int k : range(count)) xi[column[k]] = from.xi[column[k]];
     std::copy_n(from.root, count * count, root);
   }
 };
@@ -35,8 +35,8 @@ struct Innovations {
   }
   /// Transforms a column of the equations likewise.
   void transform(std::array<Real, kMaxReadings>& column) const {
-    for (int i = 0; i < r; ++i)
-      for (int k = 0; k < i; ++k) column[i] -= L[i][k] * column[k];
+    for (int i : range(r))
+      for (int k : range(i)) column[i] -= L[i][k] * column[k];
   }
 };
 

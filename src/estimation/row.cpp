@@ -13,7 +13,7 @@ Outcome linearise_row(Level level, const Robot& robot, const Knowledge& known, c
     if (!std::isfinite(e)) continue;
     const Real weight = 1 / known.sigma[c];
     if (H_xi) gather_row(robot, known, H_xi, c, B + row.rows * known.count, last);
-    for (int j = 0; j < row.n; ++j) row.R[row.rows][j] = H_x[c][j] * weight;
+    for (int j : range(row.n)) row.R[row.rows][j] = H_x[c][j] * weight;
     row.e[row.rows] = e * weight;
     row.reading[row.rows++] = c;
   }
@@ -23,7 +23,7 @@ Outcome linearise_row(Level level, const Robot& robot, const Knowledge& known, c
 bool of_readings(int n, int rows, RowsOfPose A, Real* G) {
   std::array<Real, kMaxRows> none{};
   std::fill_n(G, rows * rows, 0.0);
-  for (int c = 0; c < rows; ++c) G[c * rows + c] = 1;
+  for (int c : range(rows)) G[c * rows + c] = 1;
   return eliminate(n, rows, A, G, rows, none);
 }
 }  // namespace truepose

@@ -18,7 +18,7 @@ Real chi2_beyond(Real probability, int k) {
   if (k < 1) return 0;
   Real low = 0, high = 1;
   while (chi2_tail(high, k) > probability && high < 1e4) high *= 2;
-  for (int step = 0; step < 60; ++step) {
+  for (int step : range(60)) {
     const Real middle = 0.5 * (low + high);
     (chi2_tail(middle, k) > probability ? low : high) = middle;
   }

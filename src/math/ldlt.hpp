@@ -17,19 +17,19 @@ class Ldlt {
   /// Factorises A, rows of `stride`. size[j] is what A[j][j] would be without cancellation: the
   /// unit of pivot j, which makes the test of singularity independent of metres and radians.
   Ldlt(int n, const Real* A, int stride, const Real* size) : n_(n) {
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       const Real* row = A + j * stride;
       Real pivot = row[j], scaled[kMaxUnknowns];  // scaled: row j of L D
-      for (int k = 0; k < j; ++k) {
+      for (int k : range(j)) {
         scaled[k] = l_[j][k] * d_[k];
         pivot -= l_[j][k] * scaled[k];
       }
       regular_ = regular_ && pivot > kSingular * size[j];  // false for a NaN
       d_[j] = pivot;
       inverse_[j] = 1 / pivot;
-      for (int i = j + 1; i < n; ++i) {
+      for (int i : range(j + 1, n)) {
         Real sum = A[i * stride + j];
-        for (int k = 0; k < j; ++k) sum -= l_[i][k] * scaled[k];
+        for (int k : range(j)) sum -= l_[i][k] * scaled[k];
         l_[i][j] = sum * inverse_[j];
       }
     }
@@ -45,11 +45,11 @@ class Ldlt {
   /// Solves A x = b in place.
   template <class Vector>
   void solve(Vector& b) const {
-    for (int i = 1; i < n_; ++i)
-      for (int k = 0; k < i; ++k) b[i] -= l_[i][k] * b[k];
-    for (int i = 0; i < n_; ++i) b[i] *= inverse_[i];
+    for (int i : range(1, n_))
+      for (int k : range(i)) b[i] -= l_[i][k] * b[k];
+    for (int i : range(n_)) b[i] *= inverse_[i];
     for (int i = n_ - 2; i >= 0; --i)
-      for (int k = i + 1; k < n_; ++k) b[i] -= l_[k][i] * b[k];
+      for (int k : range(i + 1, n_)) b[i] -= l_[k][i] * b[k];
   }
 
  private:

@@ -16,11 +16,23 @@ constexpr Real by_precision(long double in_double, long double in_single) {
   return static_cast<Real>(std::is_same_v<Real, float> ? in_single : in_double);
 }
 
+/// The numbers first, first + 1, …, end - 1, for loops; first is 0 by default.
+struct range {
+  int at, last;
+  constexpr explicit range(int end) : range(0, end) {}
+  constexpr range(int first, int end) : at(first), last(end) {}
+  constexpr range begin() const { return *this; }
+  constexpr int end() const { return last; }
+  constexpr int operator*() const { return at; }
+  constexpr void operator++() { ++at; }
+  constexpr bool operator!=(int end) const { return at < end; }
+};
+
 /// term(0) + term(1) + … + term(count - 1).
 template <class F>
 constexpr Real sum_of(int count, F&& term) {
   Real sum = 0;
-  for (int k = 0; k < count; ++k) sum += term(k);
+  for (int k : range(count)) sum += term(k);
   return sum;
 }
 }  // namespace truepose

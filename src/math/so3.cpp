@@ -64,7 +64,7 @@ Vec3 tilt_keeping(Real theta, Real about_x, Real about_y) {
   const Real c = std::cos(theta), s = std::sin(theta);
   const Real product = (c * about_x + s * about_y) * (c * about_y - s * about_x);
   Vec3 w(about_x, about_y, 0);
-  for (int k = 0; k < kTiltIterations; ++k) {
+  for (int k : range(kTiltIterations)) {
     const Versine ratios = versine_ratios(w.squaredNorm());
     w.z() = -product * ratios.versine / ratios.sine;
   }

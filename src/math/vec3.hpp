@@ -90,7 +90,7 @@ struct Mat3 {
     return std::sqrt(column[0].squaredNorm() + column[1].squaredNorm() + column[2].squaredNorm());
   }
   constexpr Mat3& operator+=(const Mat3& b) {
-    for (int j = 0; j < 3; ++j) column[j] += b.column[j];
+    for (int j : range(3)) column[j] += b.column[j];
     return *this;
   }
 };

@@ -5,22 +5,22 @@ namespace truepose {
 void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
   const int n = dof(robot.mobility);
   const Real unit = (robot.chain[0].base - robot.axis[0].origin).norm();
-  for (int step = 0; step < kAngleSteps; ++step) {
+  for (int step : range(kAngleSteps)) {
     const Carried carried = carried_frames(robot, pose);
     const Vec3 turn = unit * log_so3(seen.R * carried.pose.R.transpose());
     Square by;
     Unknowns size{}, off;
     twist_row(seen.D - carried.pose.D, turn, off.data());
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       Unknowns column;
       twist_row(carried.linear[j], unit * carried.axis[j], column.data());
-      for (int i = 0; i < 6; ++i) by[i][j] = column[i], size[j] += column[i] * column[i];
+      for (int i : range(6)) by[i][j] = column[i], size[j] += column[i] * column[i];
     }
     const Factors factors(6, n, by.data(), size);
     if (!factors.regular()) return;
     const Unknowns motion = factors.solve(off.data());
     Real moved = 0;
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       pose.D[j] += motion[j];
       moved = std::max(moved, std::fabs(motion[j]));
     }

@@ -30,7 +30,7 @@ Driven driven_point(const Chain& chain, Real q) {
 
 Outcome beyond_limits(const Robot& robot, const Joint& q) {
   if (!robot.finished) return {Status::unfinished, -1};
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     const Real position = motor_position(robot.chain[i], q[i]);
     if (!(position >= robot.chain[i].low && position <= robot.chain[i].high))
       return {Status::joint_limit, i};

@@ -10,7 +10,7 @@ Encoded encode(const Eccentricity& encoder, Real angle) {
 
 Real decode(const Eccentricity& encoder, Real value) {
   Real angle = value;
-  for (int k = 0; k < kDecodeIterations; ++k) {
+  for (int k : range(kDecodeIterations)) {
     const Encoded read = encode(encoder, angle);
     const Real step = (value - read.value) / read.slope;
     angle += step;

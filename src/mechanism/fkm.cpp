@@ -13,7 +13,7 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
   while (end.iterations < most && end.regular && moves > kNothingToGain) {
     ++end.iterations;
     Joint gap;
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       at.chain[i].jq = jq_entry(robot.chain[i], at.chain[i].v, driven[i]);
       gap[i] = at.f[i] / at.chain[i].jq;
     }
@@ -26,7 +26,7 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
     Coordinates motion{};
     std::copy_n(step.begin(), n, motion.begin());
     moves = 0;
-    for (int j = 0; j < n; ++j) moves = std::max(moves, std::fabs(motion[j]));
+    for (int j : range(n)) moves = std::max(moves, std::fabs(motion[j]));
     at.place(robot, driven, moved(robot.mobility, at.pose, motion));
   }
   return moves < kChord;
@@ -40,7 +40,7 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   FkmResult result;
   std::array<Driven, kMaxMotors> driven;
   Real scale = 0;  // the longest rod
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     driven[i] = driven_point(robot.chain[i], q[i]);
     if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
     if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
@@ -79,7 +79,7 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   } else if (!end.regular) {
     result.status = Status::singular;
   } else {
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
           jq_entry(chain, current->chain[i].v, driven[i]) * driven[i].rate * chain.working_mode <
@@ -107,8 +107,8 @@ bool no_pose(const Robot& robot, const Joint& q) {
     const Vec3 side = to_pose(robot.mobility, robot.home).D;
     return fkm_closed(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
-  for (int i = 0; i < robot.motors; ++i)
-    for (int j = 0; j < i; ++j) {
+  for (int i : range(robot.motors))
+    for (int j : range(i)) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
       const Driven from = driven_point(one, q[i]), to = driven_point(other, q[j]);
       const Vec3 pivots = one.pivot - other.pivot;
@@ -152,7 +152,7 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
   if (second)
     second = in_stages(most, [&](Real rest, int left) {
       Joint motors{};
-      for (int i = 0; i < robot.motors; ++i)
+      for (int i : range(robot.motors))
         motors[i] = q[i] - rest * within_turn(robot.chain[i], q[i] - home.chain[i].q);
       return search(robot, motors, at, left);
     });

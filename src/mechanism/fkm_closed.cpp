@@ -9,7 +9,7 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   std::array<Vec3, kMaxMotors> t;
   Joint g;
   Vec3 mean = Vec3::Zero();
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     t[i] = robot.chain[i].base + driven.p - R * robot.chain[i].pivot - robot.chain[i].anchor;
     g[i] = driven.rod * driven.rod;
@@ -17,7 +17,7 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   }
   mean *= 1.0 / m;
   Real square = 0;  // |y|²
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     t[i] -= mean;
     g[i] = t[i].squaredNorm() - g[i];
     square -= g[i];
@@ -25,7 +25,7 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   square *= 1.0 / m;
   Mat3 T = Mat3::Zero();
   Vec3 h = Vec3::Zero();
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     T += outer(t[i], t[i]);
     h += (0.5 * (g[i] + square)) * t[i];
   }

@@ -8,7 +8,7 @@ Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
   const Pose pose = to_pose(robot.mobility, x);
   const Carried carried = carried_frames(robot, pose);
   const Mat3& R = carried.pose.R;
-  for (int k = 0; k < 3; ++k) free_row(carried, Vec3::Zero(), R.col(k), W[k].data());
+  for (int k : range(3)) free_row(carried, Vec3::Zero(), R.col(k), W[k].data());
   return {R.allFinite() ? Status::ok : Status::not_finite, -1};
 }
 }  // namespace truepose

@@ -15,7 +15,7 @@ struct Closure {
   const Pose& placed() const { return carried.pose; }
   Joint q() const {
     Joint values{};
-    for (int i = 0; i < motors; ++i) values[i] = chain[i].q;
+    for (int i : range(motors)) values[i] = chain[i].q;
     return values;
   }
 };
@@ -31,7 +31,7 @@ inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool 
   carry(robot, pose, closure.carried);
   const Pose& at = closure.placed();
   Real sum = 0;  // not finite after a NaN or an overflow
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     const Chain& chain = robot.chain[i];
     ChainState& state = closure.chain[i];
     state.lever = at.R * chain.pivot;

@@ -32,7 +32,7 @@ struct Jacobians {
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without an inverse of J.
   Joint joint_rate(const Coordinates& rate) const {
     Joint result{};
-    for (int i = 0; i < motors; ++i)
+    for (int i : range(motors))
       result[i] = sum_of(n, [&](int j) { return jx[i][j] * rate[j]; }) / jq[i];
     return result;
   }

@@ -98,9 +98,8 @@ Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
     if constexpr (requires { at.pose.psi; }) {
       const Vec3 tilt = log_so3(at.pose.R * pose.R.transpose());
       const int tilts = turns_about_z(robot.mobility) ? 2 : 3;
-      for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
-      for (int k = tilts; k < dof(robot.mobility); ++k)
-        rest[k] = pose.theta + at.pose.psi[k - tilts];
+      for (int k : range(tilts)) rest[k] = tilt[k];
+      for (int k : range(tilts, dof(robot.mobility))) rest[k] = pose.theta + at.pose.psi[k - tilts];
     }
     return Outcome{};
   });

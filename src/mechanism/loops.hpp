@@ -16,7 +16,7 @@ struct Loops : Closure {
     motors = robot.motors;
     carry(robot, at, carried);
     cost = residual = 0;
-    for (int i = 0; i < motors; ++i) {
+    for (int i : range(motors)) {
       const Chain& of = robot.chain[i];
       const Real rod = driven[i].rod;
       Vec3 &lever = chain[i].lever, &v = chain[i].v;

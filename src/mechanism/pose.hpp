@@ -85,13 +85,13 @@ inline void twist_row(const Vec3& linear, const Vec3& angular, Real* row) {
 /// The row [linear, angular] T along the platform's free twists.
 inline void free_row(const Carried& carried, const Vec3& linear, const Vec3& angular, Real* row) {
   if (is_rotational(carried.mobility)) {
-    for (int j = 0; j < carried.n; ++j)
+    for (int j : range(carried.n))
       row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
     return;
   }
   Real twist[6];
   twist_row(linear, angular, twist);
   const auto& column = free_columns(carried.mobility);
-  for (int j = 0; j < carried.n; ++j) row[j] = twist[column[j]];
+  for (int j : range(carried.n)) row[j] = twist[column[j]];
 }
 }  // namespace truepose

@@ -253,7 +253,7 @@ void note_vertical(Robot& robot);
 template <class Values>
 inline bool all_finite(const Values& values, int count) {
   Real sum = 0;
-  for (int i = 0; i < count; ++i) sum += 0 * values[static_cast<std::size_t>(i)];
+  for (int i : range(count)) sum += 0 * values[static_cast<std::size_t>(i)];
   return sum == 0;
 }
 }  // namespace truepose

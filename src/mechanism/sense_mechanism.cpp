@@ -60,8 +60,8 @@ SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Posit
 
 Outcome read(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
              Extended& q_e) {
-  for (int i = 0; i < robot.motors; ++i) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
-  for (int k = 0; k < robot.r; ++k) {
+  for (int i : range(robot.motors)) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
+  for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
     if (built.layout == Layout::full && !is_mechanism(robot.mobility) &&
         sensor.bar >= robot.full.bars)

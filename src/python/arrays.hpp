@@ -70,7 +70,7 @@ inline nb::object owned(const RowMatrix& from) {
 /// A frame's homogeneous matrix by rows, and back.
 inline std::array<double, 16> numbers_of(const Frame& from) {
   std::array<double, 16> T{};
-  for (int k = 0; k < 12; ++k) T[k] = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
+  for (int k : range(12)) T[k] = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
   T[15] = 1;
   return T;
 }

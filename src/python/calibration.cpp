@@ -36,7 +36,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
         {influences, nuisances, registration, Loss{loss}, tuning, iterations, rows, Signals{}});
   }
   std::vector<int> status;
-  for (int i = 0; i < x.rows(); ++i) {
+  for (int i : range(x.rows())) {
     status.push_back(static_cast<int>(result.status[i]));
     Coordinates at;
     at.fill(NAN);
@@ -58,7 +58,7 @@ auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix
                const std::vector<int>& line, const RowMatrix& C, const std::vector<int>& end,
                const RowMatrix& ordinary) {
   std::vector<Ordinary> by;
-  for (int i = 0; i < ordinary.rows(); ++i)
+  for (int i : range(ordinary.rows()))
     by.push_back({ordinary(i, 0), ordinary(i, 1), ordinary(i, 2), ordinary(i, 3)});
   const nb::gil_scoped_release release;
   return weigh({B, y, D, line}, {C, end}, by);
@@ -143,7 +143,7 @@ auto batch_observe(Online& online, const Rows& q_e, const std::vector<double>& l
 /// Measured differences, a row each: kind, two rows of the log, and the rest as in Link.
 Links links_of(const RowMatrix& rows, const std::vector<double>& mean, int first) {
   Links links{{}, mean, first};
-  for (int i = 0; i < rows.rows(); ++i) {
+  for (int i : range(rows.rows())) {
     const auto whole = [&](int k) { return static_cast<int>(rows(i, k)); };
     links.link.push_back({LinkKind{whole(0)},
                           {whole(1), whole(2)},

@@ -165,7 +165,7 @@ const RowFunction kFunctions[] = {
        Closure at;
        const Outcome outcome = ikm(robot, x, at);
        std::array<std::array<Vec3, 4>, kMaxChains> points;
-       for (int k = 0; k < at.motors; ++k) {
+       for (int k : range(at.motors)) {
          const Vec3 P = robot.chain[k].base, B = P + at.chain[k].p;
          points[k] = {P, B, B - at.chain[k].v, at.placed().D + at.chain[k].lever};
        }
@@ -176,7 +176,7 @@ const RowFunction kFunctions[] = {
        FullClosure closure;
        const Outcome outcome = ikm(robot, x, closure);
        std::array<std::array<Vec3, 4>, engine::kBodies> bodies;
-       for (int b = 0; b < engine::kBodies; ++b) {
+       for (int b : range(engine::kBodies)) {
          const auto& [p, R, twist] = closure.at.frame[b];
          bodies[b] = {p, R.col(0), R.col(1), R.col(2)};
        }

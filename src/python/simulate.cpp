@@ -24,11 +24,11 @@ struct Visited {
     x = sample.x, q_e = sample.q_e;
     if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
     const bool moving = sample.time <= end - std::min(kRest, hold);
-    for (int k = 0; k < dof(nominal.mobility); ++k) {
+    for (int k : range(dof(nominal.mobility))) {
       low[k] = moving ? x[k] : std::min(low[k], x[k]);
       high[k] = moving ? x[k] : std::max(high[k], x[k]);
     }
-    for (int k = 0; k < nominal.motors; ++k) {
+    for (int k : range(nominal.motors)) {
       const double limit = nominal.chain[k].torque_limit;
       if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
     }

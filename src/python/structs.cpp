@@ -170,7 +170,7 @@ void bind_robot(nb::module_& m) {
              engine::Position at;
              at.y = of.home;
              engine::place(of, at);
-             for (int i = 0; i < of.closures; ++i)
+             for (int i : range(of.closures))
                if (const int leg = of.closure[i].driven; leg >= 0 && of.home[leg] == 0)
                  of.home[leg] = (at.A[i] - at.B[i]).norm();
            })

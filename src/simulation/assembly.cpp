@@ -5,12 +5,12 @@ namespace truepose {
 std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, std::uint64_t seed) {
   const Mobility mobility = robot.mobility;
   Vec3 low(-INFINITY, -INFINITY, -INFINITY), high = -low;
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
     const Vec3 centre = chain.base + driven.p - chain.anchor;
     const Real reach = driven.rod + chain.pivot.norm();
-    for (int axis = 0; axis < 3; ++axis) {
+    for (int axis : range(3)) {
       low[axis] = std::max(low[axis], centre[axis] - reach);
       high[axis] = std::min(high[axis], centre[axis] + reach);
     }
@@ -21,12 +21,10 @@ std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, s
   std::vector<Pose> starts(static_cast<std::size_t>(count) + 1, home);
   for (auto start = starts.begin() + 1; start != starts.end(); ++start) {
     if (is_rotational(mobility)) {  // angles, uniform over a whole turn
-      for (int axis = 0; axis < dof(mobility); ++axis)
-        start->D[axis] = std::numbers::pi * (2 * uniform() - 1);
+      for (int axis : range(dof(mobility))) start->D[axis] = std::numbers::pi * (2 * uniform() - 1);
       continue;
     }
-    for (int axis = 0; axis < 3; ++axis)
-      start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
+    for (int axis : range(3)) start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
     if (mobility == Mobility::planar || mobility == Mobility::planar_translation)
       start->D.z() = home.D.z();
     if (turns_about_z(mobility)) {
@@ -47,7 +45,7 @@ std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, s
 std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<Pose> found) {
   if (is_rotational(robot.mobility))
     for (Pose& pose : found)
-      for (int axis = 0; axis < dof(robot.mobility); ++axis)
+      for (int axis : range(dof(robot.mobility)))
         pose.D[axis] = std::remainder(pose.D[axis], 2 * std::numbers::pi);
   const auto apart = [](const Pose& a, const Pose& b) {
     const Vec3 D = a.D - b.D;

@@ -23,7 +23,7 @@ Outcome step(const Robot& truth, double h, PlantState& state, Rotors& y, const D
   constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
   Coordinates motion{}, change{}, velocity{}, acceleration{};
   Rotors dy{}, whole{};
-  for (int stage = 0; stage < 4; ++stage) {
+  for (int stage : range(4)) {
     const Coordinates u = along(Coordinates{}, h * node[stage], velocity);
     const Coordinates rate = along(state.rate, h * node[stage], acceleration);
     const Rotors at = along(y, h * node[stage], dy);
@@ -50,7 +50,7 @@ Outcome advance(const Robot& truth, const Joint& torque, double period, int step
                 PlantState& state) {
   Rotors rigid{};
   const Drive drive = [&](const auto&, const auto&, const auto&, auto&) { return torque; };
-  for (int s = 0; s < steps; ++s) {
+  for (int s : range(steps)) {
     const Outcome outcome = step(truth, period / steps, state, rigid, drive);
     if (!outcome) return outcome;
   }
@@ -63,9 +63,9 @@ void spoil(const Robot& truth, Random& random, Extended& q_e) {
     if (sigma > 0) value += std::normal_distribution<double>(0, sigma)(random);
     return quantized(value, step);
   };
-  for (int i = 0; i < n; ++i)
+  for (int i : range(n))
     q_e[i] = spoilt(q_e[i], truth.chain[i].encoder_noise, truth.chain[i].encoder_step);
-  for (int k = 0; k < truth.r; ++k)
+  for (int k : range(truth.r))
     q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
 }
 

@@ -35,7 +35,7 @@ Outcome Loop::follow(int periods, int steps, const Path& path, const Write& writ
       return outcome;
     }
   }
-  for (int k = 0; k <= periods; ++k) {
+  for (int k : range(periods + 1)) {
     const double time = k * settings_.period;
     const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
                                               : path(static_cast<double>(k));
@@ -98,7 +98,7 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
   } else
     outcome = control(believed, settings_, setpoint, present, control_, weighing);
   if (learns && monitored) {
-    for (int k = 0; k < nominal_.r; ++k)
+    for (int k : range(nominal_.r))
       if (late_.is(k)) present[nominal_.motors + k] = late_.present[k];
     cycle.gave_up = learn_monitored(*learner, present);
   }
@@ -114,7 +114,7 @@ Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint
   if (!outcome) return outcome;
   const Joint error = extras_.law(setpoint.x, q_e);
   Extended shown{};
-  for (int i = 0; i < nominal_.motors; ++i) shown[i] = q[i] - error[i];
+  for (int i : range(nominal_.motors)) shown[i] = q[i] - error[i];
   return control(believed, settings_, setpoint, shown, control_);
 }
 
@@ -169,7 +169,7 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
     sample.force = report.force;
     sample.refused = report.refused;
   }
-  for (int c = 0; c < nominal_.motors + nominal_.r; ++c) {
+  for (int c : range(nominal_.motors + nominal_.r)) {
     sample.health[c] = fault_state_.monitor.reading[c].health;
     sample.symptom[c] = fault_state_.monitor.reading[c].symptom;
   }
