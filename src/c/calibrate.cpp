@@ -36,7 +36,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   ReadingLog readings;
   readings.count = log.rows, readings.q_e = log.readings;
   if (log.measured) {
-    for (int k : range(log.rows))
+    for (int k = 0; k < log.rows; ++k)
       sigma.insert(sigma.end(), log.measured_sigma, log.measured_sigma + n);
     readings.measured = log.measured, readings.measured_sigma = sigma.data();
   }
@@ -51,14 +51,14 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
     if (fit.redundancy[k] > 0) redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
   if (redundancy == 0) return {Status::not_measured};
   result.iterations = fit.iterations, result.cost = fit.cost;
-  result.rms = std::sqrt(chi2 / redundancy);
-  result.used = static_cast<int>(std::count(fit.status.begin(), fit.status.end(), Status::ok));
+  result.rms = sqrt(chi2 / redundancy);
+  result.used = int(std::count(fit.status.begin(), fit.status.end(), Status::ok));
   for (int k = 0; result.value && k < p; ++k) result.value[k] = fit.xi[prior.column[k]];
   if (result.covariance) std::copy_n(fit.covariance.data(), p * p, result.covariance);
   fill(result.chi2, fit.chi2);
   for (int k : range(log.rows)) {
     const bool found = fit.status[k] == Status::ok;
-    if (result.status) result.status[k] = static_cast<std::int32_t>(fit.status[k]);
+    if (result.status) result.status[k] = std::int32_t(fit.status[k]);
     if (!result.x) continue;
     const Coordinates x = to_coordinates(drawn.mobility, fit.pose[k]);
     for (int j : range(n)) result.x[k * n + j] = found ? x[j] : NAN;
@@ -85,8 +85,7 @@ truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t c
     std::vector<double> xi(parameter_count(robot));
     if (const Outcome outcome = drawn_parameters(robot, xi.data()); !outcome) return outcome;
     for (int k : range(count)) {
-      if (column[k] < 0 || column[k] >= static_cast<int>(xi.size()))
-        return {Status::no_such_part, k};
+      if (column[k] < 0 || column[k] >= int(xi.size())) return {Status::no_such_part, k};
       xi[column[k]] = value[k];
     }
     Robot changed = robot;

@@ -6,7 +6,7 @@ using namespace truepose;
 namespace truepose::c {
 namespace {
 /// Whether an enum, which C may have made, is one of `count` from 0.
-bool below(auto value, std::size_t count) { return static_cast<std::size_t>(value) < count; }
+bool below(auto value, std::size_t count) { return std::size_t(value) < count; }
 bool law_exists(Law law) { return below(law, kLawTable.size()); }
 }  // namespace
 
@@ -49,13 +49,13 @@ void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   const FaultMonitor& monitor = setup.state.monitor;
   *report = truepose_fault_report{};
   for (int c : range(kMaxReadings)) {
-    report->health[c] = static_cast<std::int32_t>(monitor.reading[c].health);
-    report->symptom[c] = static_cast<std::int32_t>(monitor.reading[c].symptom);
+    report->health[c] = std::int32_t(monitor.reading[c].health);
+    report->symptom[c] = std::int32_t(monitor.reading[c].symptom);
   }
   report->doubted = monitor.doubted;
   report->lost = monitor.lost;
   report->brakes = setup.state.brakes;
-  report->stop_cause = static_cast<std::int32_t>(setup.state.cause);
+  report->stop_cause = std::int32_t(setup.state.cause);
   report->stops = setup.state.stops || monitor.undecided || monitor.lost != 0;
   const FaultMonitorSettings& settings = setup.settings.monitor;
   if (report->stops) report->stop = monitor.lost ? settings.stop_lost : settings.stop;
@@ -78,7 +78,7 @@ using namespace truepose::c;
 extern "C" {
 size_t truepose_work(const truepose_model* model, int32_t count) {
   const Robot* robot = held(model);
-  return robot ? static_cast<std::size_t>(estimate_work(*robot, std::max(count, int32_t{0}))) : 0;
+  return robot ? std::size_t(estimate_work(*robot, max(count, int32_t{0}))) : 0;
 }
 
 truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepose_real band,

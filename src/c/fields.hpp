@@ -64,8 +64,7 @@ template <class T>
 constexpr Field field(const char* name, std::size_t offset) {
   using S = Shape<T>;
   using Number = typename S::Number;
-  Field made{name,   static_cast<int>(offset), sizeof(Number), Numbers::whole, S::rows, S::columns,
-             nullptr};
+  Field made{name, int(offset), sizeof(Number), Numbers::whole, S::rows, S::columns, nullptr};
   if constexpr (requires { Described<Number>::fields; })
     made.numbers = Numbers::part, made.table = &table_of<Number>;
   else if constexpr (std::is_same_v<Number, Real>)
@@ -88,7 +87,7 @@ constexpr bool complete(std::span<const Field> fields, std::size_t end) {
     if (field.offset < at || field.offset - at >= field.width) return false;
     at = field.offset + field.count() * field.width;
   }
-  return at == static_cast<int>(end);
+  return at == int(end);
 }
 }  // namespace fields_detail
 
@@ -157,7 +156,7 @@ template <class To, class From>
 To converted(const From& from) {
   static_assert(std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
   To to;
-  std::memcpy(static_cast<void*>(&to), &from, std::min(sizeof to, sizeof from));
+  std::memcpy(static_cast<void*>(&to), &from, min(sizeof to, sizeof from));
   return to;
 }
 

@@ -18,7 +18,7 @@ void by_rows(const Mat3& R, truepose_real* rows) { out(R.transpose(), rows); }
 /// Whether all entries are within the tolerance of a rotation.
 bool vanishes(const auto& of) {
   for (std::size_t k = 0; k < sizeof of / sizeof(Real); ++k)
-    if (!(std::fabs(of.data()[k]) < kRotation)) return false;
+    if (!(fabs(of.data()[k]) < kRotation)) return false;
   return true;
 }
 Outcome rotates(const Mat3& R) {

@@ -19,8 +19,7 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
   return outcome ? start(drawn, in<Knowledge>(&prior), memory, calibrator) : outcome;
 }
 
-static_assert(kNews == TRUEPOSE_RECOGNISED &&
-              static_cast<int>(ChangeKind::unexplained) == TRUEPOSE_UNEXPLAINED);
+static_assert(kNews == TRUEPOSE_RECOGNISED && int(ChangeKind::unexplained) == TRUEPOSE_UNEXPLAINED);
 
 /// Whether every step belongs to a change, and the payload's is one of them.
 bool sound(const ChangeSettings& changes) {
@@ -113,7 +112,7 @@ truepose_outcome truepose_online_calibrator_changes(const truepose_online_calibr
   return with(calibrator)([&](const Calibrator& of) {
     *count = of.window.recognised;
     for (const auto& [row, kind, which, log_odds] : of.window.news)
-      *latest++ = {row, static_cast<std::int32_t>(kind), which, log_odds};
+      *latest++ = {row, std::int32_t(kind), which, log_odds};
   });
 }
 

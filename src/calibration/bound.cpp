@@ -5,7 +5,7 @@ namespace truepose {
 Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, int nuisances,
                        const std::vector<Visit>& visits, const Links& links, VisitRows& all,
                        const std::function<void()>& poll) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int n = dof(robot.mobility), p = prior.count;
   Knowledge raw = prior;
   raw.root = nullptr;
@@ -14,7 +14,7 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
   axes.column += p - nuisances;
   RowMatrix D;
   std::vector<double> H_xi(2 * readings(robot) * parameter_count(robot));
-  int rows = static_cast<int>(links.link.size());
+  int rows = int(links.link.size());
   for (const Visit& visit : visits) rows += redundancy(robot) + (visit.outside.x ? n : 0);
   all.B = RowMatrix(rows, p);
   all.visit.clear();
@@ -31,7 +31,7 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
     if (!outcome) return outcome;
     std::copy(line.B[n], line.B[line.rows], all.B[row]);
     row += line.redundancy();
-    all.visit.insert(all.visit.end(), line.redundancy(), static_cast<int>(&visit - visits.data()));
+    all.visit.insert(all.visit.end(), line.redundancy(), int(&visit - visits.data()));
     if (!links.link.empty()) {
       poses.push_back(visit.pose);
       lines.push_back(line);

@@ -1,8 +1,6 @@
 // Matrices whose size is known at run time only, for offline code, and the algebra that it needs.
 #include "calibration/dense.hpp"
 
-#include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numeric>
 
@@ -10,7 +8,7 @@
 
 namespace truepose {
 RowMatrix::RowMatrix(int rows, int columns, const double* from)
-    : vector(static_cast<std::size_t>(rows) * columns), rows_(rows), columns_(columns) {
+    : vector(std::size_t(rows) * columns), rows_(rows), columns_(columns) {
   if (from) std::copy_n(from, size(), begin());
 }
 
@@ -22,7 +20,7 @@ RowMatrix RowMatrix::identity(int size) {
 
 void RowMatrix::keep(int rows) {
   rows_ = rows;
-  resize(static_cast<std::size_t>(rows) * columns_);
+  resize(std::size_t(rows) * columns_);
 }
 
 RowMatrix transposed(const RowMatrix& A) {
@@ -78,7 +76,7 @@ RowMatrix cholesky(const RowMatrix& A) {
   for (int i : range(p))
     for (int j : range(i + 1)) {
       const double rest = A(i, j) - dot(j, L[i], L[j]);
-      L(i, j) = i > j ? rest / L(j, j) : std::sqrt(rest);
+      L(i, j) = i > j ? rest / L(j, j) : sqrt(rest);
     }
   return L;
 }
@@ -100,7 +98,7 @@ void solve_lower_transposed(const RowMatrix& L, RowMatrix& B) {
 }
 
 std::vector<double> solve_cholesky(const RowMatrix& L, const std::vector<double>& b) {
-  RowMatrix x(static_cast<int>(b.size()), 1, b.data());
+  RowMatrix x(int(b.size()), 1, b.data());
   solve_lower(L, x);
   solve_lower_transposed(L, x);
   return {x.begin(), x.end()};
@@ -108,8 +106,8 @@ std::vector<double> solve_cholesky(const RowMatrix& L, const std::vector<double>
 
 int SingularValues::rank() const {
   const double least = std::numeric_limits<double>::epsilon() * AV.rows();
-  return static_cast<int>(std::count_if(length.begin(), length.end(),
-                                        [&](double one) { return one > least * length[0]; }));
+  return int(std::count_if(length.begin(), length.end(),
+                           [&](double one) { return one > least * length[0]; }));
 }
 
 RowMatrix SingularValues::inverse() const {
@@ -135,11 +133,11 @@ SingularValues singular_values(const RowMatrix& A) {
     for (int i : range(n))
       for (int j : range(i + 1, n)) {
         const double a = along(i, i), b = along(j, j), c = along(i, j);
-        if (!(std::fabs(c) > 1e-15 * std::sqrt(a * b))) continue;
+        if (!(fabs(c) > 1e-15 * sqrt(a * b))) continue;
         turned = true;
         const double zeta = (b - a) / (2 * c);
-        const double t = std::copysign(1, zeta) / (std::fabs(zeta) + std::sqrt(1 + zeta * zeta));
-        const double cosine = 1 / std::sqrt(1 + t * t), sine = cosine * t;
+        const double t = copysign(1, zeta) / (fabs(zeta) + sqrt(1 + zeta * zeta));
+        const double cosine = 1 / sqrt(1 + t * t), sine = cosine * t;
         for (int k : range(m + n)) {
           const double x = column[i][k], y = column[j][k];
           column[i][k] = cosine * x - sine * y;
@@ -152,7 +150,7 @@ SingularValues singular_values(const RowMatrix& A) {
   });
   SingularValues result{{m, n}, {n, n}, {}};
   for (int j : range(n)) {
-    result.length.push_back(std::sqrt(along(j, j)));
+    result.length.push_back(sqrt(along(j, j)));
     for (int i : range(m)) result.AV(i, j) = column[j][i];
     for (int i : range(n)) result.V(i, j) = column[j][m + i];
   }

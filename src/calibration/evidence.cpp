@@ -1,10 +1,6 @@
 // Marginal likelihood of a log's rows under hypotheses: each one more column, beside the ordinary.
 #include "calibration/evidence.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 #include "estimation/estimate.hpp"
 #include "estimation/evidence.hpp"
 
@@ -37,8 +33,8 @@ double whiten(const LogRows& rows, const Ordinary& by, RowMatrix& Z) {
       add_scaled(width, Pd[i] / variance, z, X[i]);
       add_scaled(count, -Pd[i] / variance, Pd.data(), P[i]);
     }
-    for (int j : range(width)) z[j] /= std::sqrt(variance);
-    half += 0.5 * std::log(variance);
+    for (int j : range(width)) z[j] /= sqrt(variance);
+    half += 0.5 * log(variance);
   }
   return half;
 }
@@ -54,7 +50,7 @@ struct Products {
 Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) {
   const int p = Z.cols() - columns - 1;
   int most = 0;
-  for (std::size_t h = 0; h < end.size(); ++h) most = std::max(most, end[h] - (h ? end[h - 1] : 0));
+  for (std::size_t h = 0; h < end.size(); ++h) most = max(most, end[h] - (h ? end[h - 1] : 0));
   Products of{RowMatrix(p, p), RowMatrix(p, columns + 1), RowMatrix(columns, most),
               std::vector<double>(columns)};
   for (int row : range(Z.rows())) {
@@ -78,8 +74,8 @@ Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) 
 
 RowMatrix weigh(const LogRows& rows, const Columns& columns,
                 const std::vector<Ordinary>& ordinary) {
-  const int m = static_cast<int>(rows.y.size()), K = columns.C.cols(), p = rows.B.cols();
-  RowMatrix result(static_cast<int>(ordinary.size()), 1 + static_cast<int>(columns.end.size()));
+  const int m = int(rows.y.size()), K = columns.C.cols(), p = rows.B.cols();
+  RowMatrix result(int(ordinary.size()), 1 + int(columns.end.size()));
   Products of;
   double half = 0;
   for (int a : range(result.rows())) {
@@ -105,8 +101,8 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
     const auto taken = [&](int i, int j) {  // by B, of the product of columns i and j
       return sum_of(p, [&](int k) { return V(k, i) * V(k, j); });
     };
-    double likelihood = -half - m * (std::log(by.noise) + 0.5 * std::log(2 * std::numbers::pi));
-    for (int i : range(p)) likelihood -= std::log(L(i, i));
+    double likelihood = -half - m * (log(by.noise) + 0.5 * log(2 * kPi));
+    for (int i : range(p)) likelihood -= log(L(i, i));
     likelihood -= 0.5 * (of.yy - taken(K, K)) / s2;
     result(a, 0) = likelihood;
     int first = 0;
@@ -119,8 +115,7 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
         for (int j : range(count))
           A(i, j) = (of.CC(first + i, j) - taken(first + i, first + j)) / s2;
       }
-      result(a, static_cast<int>(h) + 1) =
-          likelihood + evidence(count, A.data(), b.data()).log_odds;
+      result(a, int(h) + 1) = likelihood + evidence(count, A.data(), b.data()).log_odds;
       first = columns.end[h];
     }
   }

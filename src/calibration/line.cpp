@@ -17,7 +17,7 @@ double Line::misfit() const {
 
 double Line::away() const {
   double size = 0;
-  for (int i : range(n)) size = std::max(size, std::fabs(e[i] + pull[i]));
+  for (int i : range(n)) size = max(size, fabs(e[i] + pull[i]));
   return size;
 }
 
@@ -49,7 +49,7 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
   const int n = dof(robot.mobility), readings = truepose::readings(robot), p = known.count;
   // After ξ: auxiliary unknowns, on which these readings do not depend, and nuisances.
   const int last = D ? D->cols() : 0;
-  const int others = static_cast<int>(std::count(known.column, known.column + p - last, -1)) + last;
+  const int others = int(std::count(known.column, known.column + p - last, -1)) + last;
   line.B = RowMatrix(readings + (outside.x ? n : 0), p);
   const Outcome outcome =
       linearise_row(level, robot, known, pose, q_e, others, H_xi, line.B.data(), line, rest);
@@ -62,7 +62,7 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
     Coordinates apart = innovation(robot.mobility, by, outside.x);
     in_turns(robot.mobility, *outside.registration, pose, by, apart);
     for (int i : range(n)) {
-      if (!std::isfinite(apart[i])) continue;
+      if (!isfinite(apart[i])) continue;
       double* row = line.B[line.rows];
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
         const int at = outside.first + j;
@@ -75,6 +75,6 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
   }
   const bool determined =
       line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), p, line.e);
-  return {determined ? Status::ok : Status::singular, -1};
+  return {determined ? Status::ok : Status::singular};
 }
 }  // namespace truepose

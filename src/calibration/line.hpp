@@ -8,13 +8,13 @@
 
 namespace truepose {
 /// A row with its pose eliminated. For u in units of the knowledge's root: ξ = μ + S u.
-struct Line : Row {
+struct Line : ReadingRow {
   RowMatrix B;
   Coordinates pull{};  ///< from other data on the pose (links.hpp): its best is at e = -pull
 
   bool certain = false;  ///< never an outlier: its pose is known
 
-  int redundancy() const { return std::max(rows - n, 0); }
+  int redundancy() const { return max(rows - n, 0); }
   double chi2() const;
   /// Squared residual at its pose; chi2() is that of the best pose, to first order.
   double misfit() const;

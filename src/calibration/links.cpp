@@ -13,7 +13,7 @@ void LinkBlock::weigh(std::vector<double> by) {
 
 void LinkBlock::weigh(const LineLoss& loss) {
   weigh(std::vector<double>(size(), loss.factor(0, 1)));
-  for (int round : range(100)) {
+  for (int round = 0; round < 100; ++round) {
     const std::vector<double> z = solve_cholesky(C, y);
     std::vector<double> next(size());
     double change = 0;
@@ -21,8 +21,8 @@ void LinkBlock::weigh(const LineLoss& loss) {
     for (int k : range(size())) {
       const double own = z[k] / weight[k];  // ε
       cost += z[k] * (y[k] - own) + loss.cost(own * own, 1);
-      next[k] = std::max(loss.factor(own * own, 1), kNothing);
-      change = std::max(change, std::fabs(next[k] - weight[k]));
+      next[k] = max(loss.factor(own * own, 1), kNothing);
+      change = max(change, fabs(next[k] - weight[k]));
     }
     if (change < 1e-9) break;
     weigh(next);
@@ -87,12 +87,12 @@ std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& line
   for (const Link& link : links.link)
     if (usable(link)) root[find(last(link))] = find(link.line[0]);
   std::vector<LinkBlock> blocks;
-  for (int k = 0; k < static_cast<int>(links.link.size()); ++k) {
+  for (int k = 0; k < int(links.link.size()); ++k) {
     const Link& link = links.link[k];
     if (!usable(link)) continue;
     int& at = block[find(link.line[0])];
     if (at < 0) {
-      at = static_cast<int>(blocks.size());
+      at = int(blocks.size());
       blocks.emplace_back();
     }
     for (int a : range(link.ends())) blocks[at].end.push_back({blocks[at].size(), link.line[a]});
@@ -107,7 +107,7 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
   const int n = dof(mobility), p = known.count;
   std::vector<LinkBlock> blocks = grouped(links, lines, n);
   for (LinkBlock& all : blocks) {
-    const int m = all.size(), ends = static_cast<int>(all.end.size());
+    const int m = all.size(), ends = int(all.end.size());
     all.e.resize(m);
     all.B = RowMatrix(m, p);
     all.G = RowMatrix(ends, n);
@@ -177,7 +177,7 @@ void cross_validate(const Links& links, const LinkBlock& block, const RowMatrix&
     for (int i : range(half.rows())) P -= half(i, k) * half(i, k);
     of.residual = sigma * block.e[k];
     of.left_out = sigma * z[k] / P;
-    of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
+    of.sigma = sigma * sqrt(max(1 / P - 1 / block.weight[k], 0.0) + 1);
   }
 }
 }  // namespace truepose

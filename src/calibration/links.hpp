@@ -73,7 +73,7 @@ struct LinkBlock {
   RowMatrix C{};                 ///< Cholesky factor of C
   double cost = 0;               ///< at the best poses
 
-  int size() const { return static_cast<int>(link.size()); }
+  int size() const { return int(link.size()); }
   void weigh(std::vector<double> by);
   /// Weighs each link by the loss of its own ε, at the optimal ν. Each round lowers the cost,
   /// because a loss is a concave function of ε².

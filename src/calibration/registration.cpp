@@ -1,8 +1,6 @@
 // Registration of an external measurement: frame of the tracker and place of the marker.
 #include "calibration/registration.hpp"
 
-#include <numbers>
-
 #include "calibration/dense.hpp"
 
 namespace truepose {
@@ -55,7 +53,7 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
         const Vec3 a = result.Q.col(0);
         const double level2 = a.x() * a.x() + a.y() * a.y();
         about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
-        result.blunt = 1 / std::sqrt(level2);
+        result.blunt = 1 / sqrt(level2);
       }
       registration_detail::enter_turn(mobility, by, turn, about, i, result);
     }
@@ -69,8 +67,7 @@ Coordinates innovation(Mobility mobility, const Seen& expected, const double* me
   const int n = dof(mobility);
   for (int i = 0; i < n && i < 3; ++i) apart[i] = measured[i] - expected.p[i];
   if (turns_about_z(mobility))
-    apart[n - 1] = std::remainder(measured[n - 1] - std::atan2(expected.Q(1, 0), expected.Q(0, 0)),
-                                  2 * std::numbers::pi);
+    apart[n - 1] = remainder(measured[n - 1] - atan2(expected.Q(1, 0), expected.Q(0, 0)), 2 * kPi);
   if (mobility == Mobility::spatial) {
     const Vec3 turn =
         log_so3(exp_so3(Vec3(measured[3], measured[4], measured[5])) * expected.Q.transpose());
@@ -84,7 +81,7 @@ void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen&
   if (turns_about_z(mobility)) {
     const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);
-    const double sine = std::sqrt(a.x() * a.x() + a.y() * a.y());  // no hypot: glibc 2.35
+    const double sine = sqrt(a.x() * a.x() + a.y() * a.y());  // no hypot: glibc 2.35
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
     registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
@@ -94,7 +91,7 @@ void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen&
 }
 
 double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  const auto middle = values.begin() + long(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
@@ -128,11 +125,10 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
     const double* x = measured + p.line * n;
     const Mat3 back = (base * pose[p.line].R).transpose();
     if (mobility == Mobility::spatial) {
-      if (std::isfinite(x[3] + x[4] + x[5]))
-        sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
+      if (isfinite(x[3] + x[4] + x[5])) sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
     } else if (turns_about_z(mobility)) {
-      const Vec3 axis = back * Vec3(std::cos(x[n - 1]), std::sin(x[n - 1]), 0);
-      if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
+      const Vec3 axis = back * Vec3(cos(x[n - 1]), sin(x[n - 1]), 0);
+      if (axis.allFinite()) sum += p.weight * rotation_z(atan2(axis.y(), axis.x()));
     }
   }
   return sum.norm() > 0 ? nearest_rotation(sum) : known;
@@ -152,7 +148,7 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
     Vec3 to = Vec3::Zero();
     for (int i : range(positions_of(mobility))) {
       to[i] = measured[k * dof(mobility) + i];
-      if (std::isfinite(to[i])) shift[i] += (to[i] - from[i] - shift[i]) / ++counted[i];  // mean
+      if (isfinite(to[i])) shift[i] += (to[i] - from[i] - shift[i]) / ++counted[i];  // mean
     }
     if (to.allFinite()) pairs.push_back({from, to, k});
   }

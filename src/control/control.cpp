@@ -83,14 +83,14 @@ class ControlCycle {
       state_.leaving = settings_.lead_out;
     }
     const Real share = led_out(state_.leaving, settings_.lead_out);
-    state_.leaving = std::max(0.0, state_.leaving - settings_.period);
+    state_.leaving = max(0.0, state_.leaving - settings_.period);
     for (int i : range(m)) state_.error[i] += share * state_.held[i];
   }
 
   /// Rates of the errors by their tracking loops, and of ê_q by the law.
   void follow() {
     const Pose from = to_tangent();
-    const Real pole = std::exp(-settings_.velocity_bandwidth * settings_.period);
+    const Real pole = exp(-settings_.velocity_bandwidth * settings_.period);
     // At the start the robot counts as following until its readings differ.
     const Real half = before_.started ? 0.5 : 0;
     const int tracked = posed() ? n : readings();
@@ -113,8 +113,7 @@ class ControlCycle {
     if (posed()) state_.error_rate = reference_.jacobians.joint_rate(twist);
     from_tangent(from);
     for (int c : range(tracked))
-      sum_ +=
-          std::fabs(state_.position[c]) + std::fabs(state_.rate[c]) + std::fabs(state_.desired[c]);
+      sum_ += fabs(state_.position[c]) + fabs(state_.rate[c]) + fabs(state_.desired[c]);
   }
 
   /// Torques of model, integrals and gains, limited.
@@ -155,7 +154,7 @@ class ControlCycle {
     for (int i : range(m)) limit(i, torque[i], pd[i], steps[i]);
     if (m > n) make_up_for_limits();
     // A NaN in the state would fail every later cycle, as would what overflows then.
-    if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
+    if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite};
     return {};
   }
 
@@ -212,11 +211,11 @@ class ControlCycle {
     const Real most = robot_.chain[i].torque_limit;
     state_.load[i] = model + state_.integral[i];
     const Real wanted = state_.load[i] + pd;
-    const bool pushes = most > 0 && std::fabs(wanted) > most && wanted * step > 0;
+    const bool pushes = most > 0 && fabs(wanted) > most && wanted * step > 0;
     if (!pushes) state_.integral[i] += step;
     // Before the limit and the brakes, which hide infinities.
-    sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(joint_rate_[i]);
-    sum_ += std::fabs(state_.held[i]);
+    sum_ += fabs(wanted) + fabs(step) + fabs(joint_rate_[i]);
+    sum_ += fabs(state_.held[i]);
     wanted_[i] = wanted + (pushes ? 0 : step);
     state_.torque[i] = limited(robot_.chain[i], wanted_[i]);
   }
@@ -276,10 +275,10 @@ class ControlCycle {
 
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const ControlState before = state;
   ControlCycle cycle(robot, settings, setpoint, q_e, before, state);
-  if (!cycle.finite()) return {Status::not_finite, -1};
+  if (!cycle.finite()) return {Status::not_finite};
   const Scaled scaled(known, settings.sigma_scale);
   const Outcome regular = cycle.correct(scaled.weighing);
   Outcome outcome = regular;
@@ -317,7 +316,7 @@ Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Re
     settings.kd[m] = 2 * damping * of * frequency;
   }
   if (!all_finite(settings.kp, motors) || !all_finite(settings.kd, motors))
-    outcome = {Status::not_finite, -1};
+    outcome = {Status::not_finite};
   return outcome;
 }
 }  // namespace truepose

@@ -4,8 +4,6 @@
 // by ∬ kp δ + kd dδ/dt; an error at which it may rest (friction, counts) drives nothing.
 #pragma once
 
-#include <algorithm>
-
 #include "math/real.hpp"
 
 namespace truepose {
@@ -26,9 +24,9 @@ struct DrivenWay {
     Real away = setpoint - from;
     if (off != 0 && !(off * away >= away * away)) away = off * away > 0 ? off : 0;
     const Real last = error;
-    error = away - std::clamp(away, -rests, rests);
+    error = away - clamp(away, -rests, rests);
     speed = error == 0 ? 0 : speed + period * kp * error + kd * (error - last);
-    cycles = error == 0 ? 0 : std::min(cycles + 1, kMostCounted);
+    cycles = error == 0 ? 0 : min(cycles + 1, kMostCounted);
     return way += period * speed;
   }
 };

@@ -197,7 +197,7 @@ Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates
   if (!outcome) return outcome;
   torque = motor_torques(model.n, model.motors, jacobians.J, model.bias, model.slope);
   for (int i : range(robot.motors)) torque[i] += friction(robot.chain[i], model.rate[i]);
-  if (!all_finite(torque, robot.motors)) return {Status::not_finite, -1};
+  if (!all_finite(torque, robot.motors)) return {Status::not_finite};
   return outcome;
 }
 
@@ -211,6 +211,6 @@ Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mass) {
   Real sum = 0;
   for (int i : range(n))
     for (int j : range(n)) sum += mass[i][j] = model.mass[i][j];
-  return std::isfinite(sum) ? outcome : Outcome{Status::not_finite, -1};
+  return isfinite(sum) ? outcome : Outcome{Status::not_finite};
 }
 }  // namespace truepose

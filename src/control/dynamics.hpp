@@ -73,10 +73,10 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   Coordinates size;
   for (int j : range(n)) size[j] = model.mass[j][j];
   const Ldlt factor(n, model.mass, size);
-  if (!factor.regular()) return {Status::singular, -1};
+  if (!factor.regular()) return {Status::singular};
   factor.solve(force);
   for (int j : range(n)) acceleration[j] = force[j];
-  if (!all_finite(acceleration, n)) return {Status::not_finite, -1};
+  if (!all_finite(acceleration, n)) return {Status::not_finite};
   return outcome;
 }
 

@@ -31,7 +31,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
     for (int c : range(readings(robot))) {
       Real moves = 0;
       for (int j : range(n)) moves += H_x[c][j] * acceleration[j];
-      most[c] += std::fabs(moves);
+      most[c] += fabs(moves);
     }
   }
   return Outcome{};

@@ -134,8 +134,8 @@ void MonitoredCycle::update_parity() {
 Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
                        const Weighing& weighing, const Joint& desired, const Extended& q_e,
                        FaultMonitor& monitor, Extended& believed, Multirate* late) {
-  if (!robot.finished) return {Status::unfinished, -1};
-  if (!weighing) return {Status::not_measured, -1};
+  if (!robot.finished) return {Status::unfinished};
+  if (!weighing) return {Status::not_measured};
   return fault_monitor_detail::MonitoredCycle(robot, settings, weighing, desired, q_e, monitor,
                                               believed, late)
       .run();

@@ -4,7 +4,7 @@
 namespace truepose {
 void PathClock::advance(Real period, Real stop) {
   if (stop > 0 && rate > 0) {
-    since = std::min(since + period / stop, Real{1});
+    since = min(since + period / stop, Real{1});
     const Real next = 1 - since * since * (3 - 2 * since);  // smooth at both ends
     slowing = (next - rate) / period;
     time += 0.5 * (rate + next) * period;
@@ -54,7 +54,7 @@ void check(const Robot& robot, const SafetyLimits& limits, const Setpoint& setpo
   if (!found.causes) return;
   if (fault_state.cause == StopCause::none) {
     fault_state.cause = found.first();
-    fault_state.part = found.part[static_cast<std::size_t>(fault_state.cause)];
+    fault_state.part = found.part[std::size_t(fault_state.cause)];
   }
   fault_state.stops = true;
   fault_state.brakes = bit(n) - 1;

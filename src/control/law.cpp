@@ -79,7 +79,7 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
     innovation(robot, q_e, expected, e);
     const Real chi2 = at.step(robot, e, step);
     Real size = 0;
-    for (int i : range(n)) size = std::max(size, step[i] * step[i] / at.variance[i]);
+    for (int i : range(n)) size = max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     pose = moved(robot.mobility, pose, step);
     if (is_last(size, last, chi2, n + robot.r) || is_late(size, kNearIterations - left, counted))

@@ -45,9 +45,7 @@ inline constexpr std::array kLawTable{
 };  // the last row
 static_assert(in_order(kLawTable, &LawProperties::law));
 
-constexpr const LawProperties& properties(Law law) {
-  return kLawTable[static_cast<std::size_t>(law)];
-}
+constexpr const LawProperties& properties(Law law) { return kLawTable[std::size_t(law)]; }
 
 /// Inputs of laws that weigh, besides the robot. One per running controller: `work` is written to.
 struct Weighing {

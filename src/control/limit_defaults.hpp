@@ -33,7 +33,7 @@ struct AtHome {
     Real sum = 0;
     for (int j : range(positions_of(closure.carried.mobility)))
       sum += jacobians.J[j][motor] * jacobians.J[j][motor];
-    return std::sqrt(sum);
+    return sqrt(sum);
   }
 };
 

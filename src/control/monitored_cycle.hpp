@@ -38,7 +38,7 @@ struct MonitoredCycle {
   Outcome run();
 
   bool delayed(int c) const { return late && c >= n && late->is(c - n); }
-  int every(int c) const { return delayed(c) ? std::max(1, late->settings.every[c - n]) : 1; }
+  int every(int c) const { return delayed(c) ? max(1, late->settings.every[c - n]) : 1; }
   /// Whether no motor's reading has failed.
   bool motors_valid() const;
   /// Value that the model gives a reading: a motor's setpoint, a sensor's by the motors.

@@ -41,7 +41,7 @@ Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e
     innovation(robot, q_e, expected, error);
     Coordinates step{};
     for (int j : range(n)) {
-      farthest = std::max(farthest, std::fabs(error[j]));
+      farthest = max(farthest, fabs(error[j]));
       for (int i : range(jacobians.n)) step[i] += jacobians.J[i][j] * error[j];
     }
     pose = moved(robot.mobility, pose, step);
@@ -53,7 +53,7 @@ Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e
   }
   const bool finite =
       all_finite(to_coordinates(robot.mobility, pose), jacobians.n) && all_finite(value, robot.r);
-  return {finite ? Status::ok : Status::not_finite, -1};
+  return {finite ? Status::ok : Status::not_finite};
 }
 
 void Parity::covariance(int r, const Extended& noise,
@@ -78,7 +78,7 @@ Real Parity::expectation_noise(const Extended& noise, int reading) const {
   Real sum = 0;
   if (reading >= n)
     for (int j : range(n)) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
-  return std::sqrt(sum);
+  return sqrt(sum);
 }
 
 Real chi_squared(const ReadingCovariance& V, int r, Reading parity) {

@@ -28,14 +28,13 @@ Real MonitoredCycle::bending() const {
     bend2 += bend * bend;
   }
   const Real per = 1 / settings.correlation;
-  return settings.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
+  return settings.together.acceleration * per * (sqrt(bend2) + way2 * per);
 }
 
 bool MonitoredCycle::alarm(const ReadingCovariance& V, const Reading& value) {
   monitor.chi2 = chi_squared(V, r, value);
-  monitor.freedom = std::max(0, r - left_out);
-  return monitor.freedom > 0 &&
-         !(monitor.chi2 <= settings.chi2[static_cast<std::size_t>(monitor.freedom)]);
+  monitor.freedom = max(0, r - left_out);
+  return monitor.freedom > 0 && !(monitor.chi2 <= settings.chi2[std::size_t(monitor.freedom)]);
 }
 
 Column MonitoredCycle::column_of(int c, const ReadingCovariance& V, const Reading& y) const {
@@ -63,7 +62,7 @@ Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mea
           monitor.cycle - monitor.reading[i].left_track <= 1 + every(c) + late->age[c - n];
     if (const Real own = track_variance(c); jumped && !motor_left && own > 0) {
       error.add(1, monitor.disagreement.jump[c], own);
-      odds[c] = std::max(odds[c], error.chi2() / 2);
+      odds[c] = max(odds[c], error.chi2() / 2);
     }
     // While another motor's fault moves the robot, a healthy one may stand off its setpoint.
     const bool stands = settings.moved[c] > 0 && raw(c) == monitor.reading[c].standstill.reading;
@@ -125,7 +124,7 @@ void MonitoredCycle::test_parity() {
       if (monitor.doubted & bit(c) & ~without && monitor.reading[c].standstill.cycles >= kStill) {
         held |= bit(c);
         driven = driven || monitor.reading[c].standstill.feigns();
-        if (std::isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
+        if (isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
       }
     for (int k : range(r))
       believed[n + k] -= driven ? parity.value[k] - monitor.usual[k] : change[k];

@@ -45,8 +45,8 @@ Symptom MonitoredCycle::symptom_of(int c) const {
   const Real lag = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
   const Real way =
       settings.period * settings.period * settings.fastest[c] * (settings.own.acceleration + lag);
-  const Real chance = settings.sigmas * std::sqrt(settings.own.variance * noise[c]) * (1 + m);
-  return std::fabs(innovation[c]) > way + chance ? Symptom::too_fast : Symptom::none;
+  const Real chance = settings.sigmas * sqrt(settings.own.variance * noise[c]) * (1 + m);
+  return fabs(innovation[c]) > way + chance ? Symptom::too_fast : Symptom::none;
 }
 
 Real MonitoredCycle::track_variance(int c) const {
@@ -61,7 +61,7 @@ void MonitoredCycle::extrapolate(int c, Symptom symptom) {
   MonitoredReading& reading = monitor.reading[c];
   Extrapolations& times = reading.extrapolated;
   const auto begun = [&](std::int64_t k) -> std::int64_t& {
-    return times.begun[static_cast<std::size_t>(k % kSpikesKept)];
+    return times.begun[std::size_t(k % kSpikesKept)];
   };
   symptomatic |= bit(c);
   without |= bit(c);

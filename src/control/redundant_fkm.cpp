@@ -52,7 +52,7 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
       at = desired, on.steps = -1, on.restarted = false;
   }
   const auto cap = [&] { return on.restarted ? kEstimateIterations : kNearIterations; };
-  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap());
+  Estimate result = search(level, robot, known, C, q_e, at, rest, max(on.steps, 0), cap());
   if (!result && !on.restarted && rest.most(true) > 0) {
     // The ideal level's, which is near the full level's and has bounded work.
     const Level start = is_mechanism(robot.mobility) ? level : Level::ideal;
@@ -87,7 +87,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
   Knowledge alike;
   alike.sigma.fill(kSigma);
   for (int k : range(robot.r))
-    alike.sigma[robot.motors + k] = kSigma / std::sqrt(robot.sensor[k].weight);
+    alike.sigma[robot.motors + k] = kSigma / sqrt(robot.sensor[k].weight);
   ReadingCovariance C;
   Expected at{near, {}, {}};
   Outcome outcome = reading_covariance(robot, alike, nullptr, nullptr, C);

@@ -25,7 +25,7 @@ bool MonitoredCycle::replaceable(int c, Real left, const ReadingCovariance& V,
   V.colour(r, g.data());
   Real sum = 0;
   for (int k : range(r))
-    for (int l : range(r)) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
+    for (int l : range(r)) sum += g[k] * own.L[max(k, l)][min(k, l)] * g[l];
   return unknown[c] * unknown[c] * sum < most * most;
 }
 
@@ -66,8 +66,8 @@ void MonitoredCycle::substitute() {
       monitor.lost |= bit(c);
       believed[c] = number(desired[c]) ? desired[c] : reading.track.predicted(settings.period);
     } else if (motor) {
-      believed[c] = std::isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
-                                              : reading.track.predicted(settings.period);
+      believed[c] = isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
+                                         : reading.track.predicted(settings.period);
     } else if (failed) {
       believed[c] = model(c);  // as far as the motors determine it
     } else {                   // follows the motors
@@ -81,7 +81,7 @@ void MonitoredCycle::substitute() {
 }
 
 void MonitoredCycle::refresh() {
-  for (int i : range(dof(robot.mobility))) monitor.way += std::fabs(monitor.motion[i]);
+  for (int i : range(dof(robot.mobility))) monitor.way += fabs(monitor.motion[i]);
   // Not in the first cycle, which searches the pose.
   const bool due = (monitor.cycle + settings.refresh - 1) % settings.refresh == 0;
   if (!due && !(monitor.way > kSamePlace * settings.correlation)) return;

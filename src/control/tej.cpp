@@ -84,6 +84,6 @@ Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M, Extend
   Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
   for (int c : range(robot.motors, readings(robot)))
     for (int i : range(robot.motors)) sum += M[c][i] + M_plus[i][c];
-  return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
+  return isfinite(sum) ? regular : Outcome{Status::not_finite};
 }
 }  // namespace truepose

@@ -12,7 +12,7 @@ std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
     number(of.gear);
     for (const Real amplitude : of.amplitude) number(amplitude);
   };
-  word(static_cast<std::uint64_t>(robot.level) << 32 | static_cast<std::uint32_t>(robot.r));
+  word(std::uint64_t(robot.level) << 32 | std::uint32_t(robot.r));
   for (int i : range(robot.chains)) {
     const Chain& chain = robot.chain[i];
     vectors(&chain.base, &chain.axis, &chain.zero, &chain.pivot, &chain.anchor, &chain.pair_axis,
@@ -24,14 +24,14 @@ std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   }
   for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
-    word(static_cast<std::uint64_t>(sensor.kind) << 32 | static_cast<std::uint32_t>(sensor.chain));
+    word(std::uint64_t(sensor.kind) << 32 | std::uint32_t(sensor.chain));
     vectors(&sensor.origin, &sensor.direction, &sensor.target, &sensor.normal);
     number(sensor.gain);
     number(sensor.offset);
     encoder(sensor.eccentricity);
   }
   for (int k : range(known.count)) {
-    word(static_cast<std::uint32_t>(known.column[k]));
+    word(std::uint32_t(known.column[k]));
     if (known.root) number(known.root[k * known.count + k]);
   }
   return mark | 1;
@@ -59,7 +59,7 @@ Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, 
       for (int i : range(n)) B[k * p + m] -= H_x[k][i] * e_x[i];
   }
   for (int i : range(rows)) {
-    if (!(known.sigma[i] > 0)) return {Status::not_finite, -1};
+    if (!(known.sigma[i] > 0)) return {Status::not_finite};
     for (int j : range(i + 1)) kept.C[i][j] = dot(p, B + i * p, B + j * p);
   }
   const Outcome outcome = at.weigh(robot, known, kept);
@@ -74,13 +74,13 @@ Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, 
         for (int l : range(k, robot.r)) apart[k] += (before[i][l] - at.gain[i][l]) * at.V.L[l][k];
         sum += apart[k] * apart[k];
       }
-      most = std::max(most, sum / at.variance[i]);
+      most = max(most, sum / at.variance[i]);
     }
-    kept.became = std::sqrt(most);
-    kept.slope = std::max(kept.became / way, kForgets * kept.slope);
+    kept.became = sqrt(most);
+    kept.slope = max(kept.became / way, kForgets * kept.slope);
   }
   kept.reach = compares ? kMostReach : kFirstReach;
-  if (kept.slope > 0) kept.reach = std::min(kept.reach, kept.share / (kFaster * kept.slope));
+  if (kept.slope > 0) kept.reach = min(kept.reach, kept.share / (kFaster * kept.slope));
   for (int i : range(n)) kept.q[i] = q[i];
   kept.of = mark;
   return outcome;

@@ -41,7 +41,7 @@ struct CachedGain {
 
   /// Travel of the motors since the refresh, added up.
   Real way(int n, const Joint& now) const {
-    return sum_of(n, [&](int i) { return std::fabs(now[i] - q[i]); });
+    return sum_of(n, [&](int i) { return fabs(now[i] - q[i]); });
   }
 };
 static_assert(std::is_trivially_copyable_v<CachedGain> && std::is_standard_layout_v<CachedGain>);
@@ -97,7 +97,7 @@ struct CachedFusion {
         for (int j : range(n)) V.L[k][l] += noisy[k][j] * g[l][j];
       }
     }
-    if (!V.factor(r)) return {Status::not_finite, -1};
+    if (!V.factor(r)) return {Status::not_finite};
     for (int i : range(n)) {
       variance[i] = C[i][i];
       for (int j : range(n)) variance[i] += J[i][j] * J[i][j] * own[j];

@@ -24,7 +24,7 @@ Steps steps_of(const ChangeSettings& changes, int change) {
 
 int widest(const ChangeSettings& changes) {
   int most = kFaults;
-  for (int k : range(changes.count)) most = std::max(most, steps_of(changes, k).count);
+  for (int k : range(changes.count)) most = max(most, steps_of(changes, k).count);
   return most;
 }
 
@@ -73,7 +73,7 @@ void restart(const ChangeSettings& changes, int readings, Window& window, Real* 
       filter.xi[filter.column[j]] += window.moved * changes.step[changes.load * p + j];
   for (int k : range(changes.steps)) {
     if (!(window.share[k] > 0)) continue;
-    for (int j : range(p)) work[j] = std::sqrt(window.share[k]) * changes.step[k * p + j];
+    for (int j : range(p)) work[j] = sqrt(window.share[k]) * changes.step[k * p + j];
     add_drift(p, filter.root, work);
   }
   std::fill_n(window.response, K * p, 0.0);
@@ -150,9 +150,7 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   Finding finding;
   std::array<Recognised, 3> best;  // of each kind
   for (Recognised& of : best) of.log_odds = -INFINITY;
-  const auto best_of = [&](ChangeKind kind) -> Recognised& {
-    return best[static_cast<std::size_t>(kind)];
-  };
+  const auto best_of = [&](ChangeKind kind) -> Recognised& { return best[std::size_t(kind)]; };
   Real left = window.chi2, top = 0;
   const auto compare = [&](ChangeKind kind, int which, const Evidence& by) {
     Recognised& of = best_of(kind);
@@ -177,15 +175,14 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
     }
   const bool noisy = top > steps_top;
   // Relative to the likeliest.
-  const Real none = std::exp(-top);
+  const Real none = exp(-top);
   Real parts = 0, faults = 0;
-  for (int k : range(changes.count)) parts += std::exp(of(k).log_odds - top);
-  for (int c : range(readings)) faults += std::exp(of(changes.count + c).log_odds - top);
+  for (int k : range(changes.count)) parts += exp(of(k).log_odds - top);
+  for (int c : range(readings)) faults += exp(of(changes.count + c).log_odds - top);
   const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;
-  finding.fits =
-      window.used >= kUsed * window.next && left <= beyond(kFit, std::max(1, window.freedom));
+  finding.fits = window.used >= kUsed * window.next && left <= beyond(kFit, max(1, window.freedom));
   if (!finding.decisive) return finding;
   if (finding.likeliest.kind == ChangeKind::noise) {
     sigma[finding.likeliest.which] *= factor;
@@ -194,7 +191,7 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   } else {
     finding.likeliest = best_of(ChangeKind::part);
     for (int k : range(changes.count)) {
-      const Real share = std::exp(of(k).log_odds - top) / parts;
+      const Real share = exp(of(k).log_odds - top) / parts;
       const auto [first, count] = steps_of(changes, k);
       for (int j = first; share > kNeglected && j < first + count; ++j) {
         if (j == changes.load && count == 1) {  // constant steps would not tell its amount

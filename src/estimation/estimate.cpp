@@ -4,8 +4,7 @@
 namespace truepose {
 bool is_last(Real size, Real last, Real chi2, int rows, bool whole) {
   // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
-  const Real enough =
-      kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
+  const Real enough = kLastStep * max(Real(1), chi2 / rows);  // of the residual that remains anyway
   const bool next = whole && last < INFINITY && size * size < kPredicted * enough * last;
   return size < enough || next || (size < 1e-6 && size > 0.25 * last);
 }
@@ -29,16 +28,15 @@ Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
     for (int j : range(i + 1))
       C.L[i][j] = (i == j) + dot(known.count, B + i * known.count, B + j * known.count);
   }
-  return {positive && C.factor(rows) ? Status::ok : Status::not_finite, -1};
+  return {positive && C.factor(rows) ? Status::ok : Status::not_finite};
 }
 
 Real within_turn(const Robot& robot, int reading, Real difference) {
   const int m = robot.motors;
   if (reading < m) return within_turn(robot.chain[reading], difference);
   const Sensor& sensor = robot.sensor[reading - m];
-  return properties(sensor.kind).wraps
-             ? without_turns(difference, 2 * std::numbers::pi_v<Real> * sensor.gain)
-             : difference;
+  return properties(sensor.kind).wraps ? without_turns(difference, 2 * kPi * sensor.gain)
+                                       : difference;
 }
 
 namespace {
@@ -96,12 +94,11 @@ struct Search {
   /// times their share of the promised change of the readings. @return whether it was shortened
   bool shorten(Real next) {
     const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
-    const Real inexact =
-        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
+    const Real inexact = 2 * slope * length * sqrt(min(cost, next) * max(promised, Real(0)));
     const Real most =
         cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact;
-    if (!(next > most && std::isfinite(cost) && length > 1e-3)) return false;
-    length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
+    if (!(next > most && isfinite(cost) && length > 1e-3)) return false;
+    length *= max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
     return true;
   }
 
@@ -110,7 +107,7 @@ struct Search {
   /// ratio: the secant then goes to where they vanish, or ahead where they grow.
   Outcome turn(Real next) {
     const Normal equations(robot, known, C, at.H_x);
-    if (!equations.regular()) return {Status::singular, -1};
+    if (!equations.regular()) return {Status::singular};
     equations.covariance(n, covariance);
     base = at.pose;
     cost = next;
@@ -124,14 +121,14 @@ struct Search {
     size = promised = 0;
     for (int i : range(n)) {
       promised += slope[i] * step[i];
-      size = std::max(size, step[i] * step[i] / covariance[i][i]);
+      size = max(size, step[i] * step[i] / covariance[i][i]);
       along += step[i] * before[i] / covariance[i][i];
       whole2 += before[i] * before[i] / covariance[i][i];
     }
-    if (!(std::fabs(along) > 0.25 * whole2))
+    if (!(fabs(along) > 0.25 * whole2))
       length = 1;
     else if (along < 0.9 * whole2)
-      length = std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)));
+      length = max(Real(0.1), min(length * whole2 / (whole2 - along), Real(10)));
     else
       length = 10;
     return {};
@@ -150,7 +147,7 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
              const PoseRows& H_x, Fusion& fusion) {
   const int n = dof(robot.mobility), rows = readings(robot);
   const Normal equations(robot, known, C, H_x);
-  if (!equations.regular()) return {Status::singular, -1};
+  if (!equations.regular()) return {Status::singular};
   equations.covariance(n, fusion.covariance);
   for (int c : range(rows)) {
     Coordinates column = equations.A[c];
@@ -182,29 +179,28 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
   for (; outcome; ++iterations) {
     const Real next = chi2(robot, known, C, q_e, at.q_e, found.white), last = found.size;
     const bool whole = found.length == 1;
-    outcome.status = std::isfinite(next) ? Status::ok : Status::not_converged;
+    outcome.status = isfinite(next) ? Status::ok : Status::not_converged;
     if (outcome && !found.shorten(next)) {
       outcome = found.turn(next);
       const bool late = is_late(found.size, iterations, counted);
       if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole))) {
         found.go(1);
-        const Real left = std::max(found.cost - found.promised, Real(0));
+        const Real left = max(found.cost - found.promised, Real(0));
         return {{}, iterations + 1, left, found.covariance};
       }
     }
     if (!outcome) break;
     const bool spent = rest.most(true) < 1 && found.cost < kPlausible * found.rows;
-    if ((spent || iterations == kEstimateIterations) &&
-        std::max(found.promised, found.size) < kFlat) {
+    if ((spent || iterations == kEstimateIterations) && max(found.promised, found.size) < kFlat) {
       found.go(spent ? found.length : 0);
       return {{}, iterations, found.cost, found.covariance};
     }
     found.go(found.length);
     const bool goes_on = all_finite(found.step, found.n) && iterations < cap;
     outcome = goes_on ? linearise(level, robot, at.pose, at.q_e, at.H_x, nullptr, &rest)
-                      : Outcome{Status::not_converged, -1};
+                      : Outcome{Status::not_converged};
     if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings
-      outcome = {Status::not_converged, -1};
+      outcome = {Status::not_converged};
   }
   return {outcome, iterations};
 }

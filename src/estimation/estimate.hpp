@@ -4,8 +4,6 @@
 // readings, from geometry and counts alike. The weighted TEJ has the same weights.
 #pragma once
 
-#include <numbers>
-
 #include "control/tej.hpp"
 #include "estimation/knowledge.hpp"
 #include "estimation/linearise.hpp"
@@ -72,8 +70,8 @@ struct ReadingCovariance {
         if (i > j) {
           L[i][j] = sum / L[j][j];
         } else {
-          if (!(sum > 0 && std::isfinite(sum))) return false;
-          L[i][i] = std::sqrt(sum);
+          if (!(sum > 0 && isfinite(sum))) return false;
+          L[i][i] = sqrt(sum);
         }
       }
     return true;
@@ -178,8 +176,8 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
 /// @param rest   nullptr: nothing is known beforehand
 inline Estimate estimate(Level level, const Robot& robot, const Knowledge& known,
                          const Extended& q_e, Pose& pose, Real* work, Parasitic* rest = nullptr) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
-  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite, -1}};
+  if (!robot.finished) return {{Status::unfinished}};
+  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite}};
   Pose at = pose;
   Parasitic own;
   if (!rest) rest = &own;

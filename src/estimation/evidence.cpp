@@ -1,8 +1,6 @@
 // Evidence for hypotheses: columns of unknown amounts in whitened equations.
 #include "estimation/evidence.hpp"
 
-#include <algorithm>
-
 namespace truepose {
 Evidence evidence(int n, Real* S, Real* z) {
   Evidence found;
@@ -11,12 +9,12 @@ Evidence evidence(int n, Real* S, Real* z) {
     for (int j : range(i + 1)) {
       Real sum = row[j] + (i == j);
       for (int k : range(j)) sum -= row[k] * S[j * n + k];
-      row[j] = i == j ? std::sqrt(std::max(sum, Real(1))) : sum / S[j * n + j];
+      row[j] = i == j ? sqrt(max(sum, Real(1))) : sum / S[j * n + j];
     }
     for (int k : range(i)) z[i] -= row[k] * z[k];
     z[i] /= row[i];
     found.chi2 += z[i] * z[i];
-    found.log_odds -= std::log(row[i]);
+    found.log_odds -= log(row[i]);
   }
   found.log_odds += found.chi2 / 2;
   return found;
@@ -27,6 +25,6 @@ int outstanding(int count, const Extended& value, Real margin) {
   const auto most = std::max_element(value.begin(), end);
   for (auto other = value.begin(); other != end; ++other)
     if (other != most && *other > *most - margin) return -1;
-  return static_cast<int>(most - value.begin());
+  return int(most - value.begin());
 }
 }  // namespace truepose

@@ -22,7 +22,7 @@ struct Column {
   /// Log odds, over none, of an amount ~ N(0, variance).
   Real log_odds(Real variance) const {
     const Real volume = 1 + variance * information;
-    return (variance * score * score / volume - std::log(volume)) / 2;
+    return (variance * score * score / volume - log(volume)) / 2;
   }
 };
 
@@ -38,7 +38,7 @@ inline constexpr Real kGate = 4;  ///< σ: excludes 6 of 1e5 clean rows
 /// χ² of `count` degrees of freedom as unlikely as a normal variable beyond `gate` σ: its root is
 /// within t of √count like a single one's within t of 1 (concentration of measure).
 inline Real beyond(Real gate, int count) {
-  const Real root = gate - 1 + std::sqrt(Real(count));
+  const Real root = gate - 1 + sqrt(Real(count));
   return root * root;
 }
 

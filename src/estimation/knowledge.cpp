@@ -10,14 +10,14 @@ void times_root(const Knowledge& known, int rows, Real* B) {
     while (to > 0 && row[to - 1] == 0) --to;
     while (from < to && row[from] == 0) ++from;
     for (int first = 0; first < to; first += kBlock) {
-      const int width = std::min(kBlock, p - first);
+      const int width = min(kBlock, p - first);
       Real sum[kBlock] = {};
       if (from < first + width) {  // the triangle on the diagonal
         const Real* S = known.root + first * p + first;
         for (int k = 0; k < width; ++k, S += p)
           for (int j : range(k + 1)) sum[j] += row[first + k] * S[j];
       }
-      const int behind = std::max(first + kBlock, from);
+      const int behind = max(first + kBlock, from);
       const Real* S = known.root + behind * p + first;
       for (int k = behind; k < to; ++k, S += p)
 #pragma GCC unroll 8  // the sums stay in registers: a third fewer instructions

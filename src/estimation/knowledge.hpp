@@ -1,7 +1,6 @@
 // Covariances of the geometry and of the readings: Σ_ξ and Σ_s.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 
 #include "mechanism/parameters.hpp"

@@ -30,7 +30,7 @@ Outcome linearise(const Robot& robot, const Closure& closure, Extended& q_e, Pos
     const Real* end = H_xi + readings(robot) * parameter_count(robot);
     for (const Real* entry = H_xi; entry != end; ++entry) sum += *entry;
   }
-  if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
+  if (!isfinite(sum)) outcome = {Status::not_finite};
   return outcome;
 }
 Outcome linearise(const Robot& robot, const FullClosure& closure, Extended& q_e, PoseRows& H_x,

@@ -75,7 +75,7 @@ Outcome Cycle::innovations(int without) {
   if (status != Status::ok) return {status, -1};
 
   // From the motors' pose to that of all readings, which is farther without a motor.
-  Row row;
+  ReadingRow row;
   for (int steps = whole ? 2 : 5; steps > 0; --steps) {
     const bool last = steps == 1;
     const Outcome outcome = linearise_row(level, robot, known, pose, used.data(), 0,
@@ -84,11 +84,11 @@ Outcome Cycle::innovations(int without) {
     H_x = row.R;
     if ((last && whole && state.window && !of_readings(n, row.rows, H_x, work.G)) ||
         !eliminate(n, row.rows, row.R, work.B, last ? state.count : 0, row.e))
-      return {Status::singular, -1};
+      return {Status::singular};
     Coordinates step{};
     std::copy_n(row.e.begin(), n, step.begin());
     back_substitute(n, row.R, step);
-    if (!all_finite(step, n)) return {Status::not_finite, -1};
+    if (!all_finite(step, n)) return {Status::not_finite};
     pose = moved(robot.mobility, pose, step);
   }
   const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + readings);
@@ -138,7 +138,7 @@ void Cycle::test(Real log_ratio) {
     of.since = 0;
   }
   ++of.lines;
-  of.cusum = std::max(0.0, of.cusum + std::min(log_ratio, kMostLogRatio));
+  of.cusum = max(0.0, of.cusum + min(log_ratio, kMostLogRatio));
   if (of.cusum <= 0) of.faulty = {};
   if (!(of.cusum > kThreshold)) return;
   of.stopped = true;
@@ -151,7 +151,7 @@ void Cycle::drift() {
   const ChangeSettings& by = settings.changes;
   if (by.drifts < 1) return;
   state.due = (state.due + 1) % by.drifts;
-  const Real cycles = std::sqrt(Real(by.drifts));
+  const Real cycles = sqrt(Real(by.drifts));
   const int p = state.count;
   for (int k : range(p)) work.gain[k] = cycles * by.drift[state.due * p + k];
   add_drift(p, state.root, work.gain);
@@ -160,9 +160,9 @@ void Cycle::drift() {
 
 Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
                 const Extended& q_e, OnlineState& state, Robot& robot, Pose& pose, Real* memory) {
-  if (!drawn.finished) return {Status::unfinished, -1};
+  if (!drawn.finished) return {Status::unfinished};
   const int r = redundancy(drawn);
-  if (!all_finite(q_e, readings(drawn))) return {Status::not_finite, -1};
+  if (!all_finite(q_e, readings(drawn))) return {Status::not_finite};
   const bool gated = settings.gate > 0 && !state.test.stopped;
   const Real* xi = settings.linearised ? settings.linearised : state.xi;
   Outcome outcome = set_parameters(drawn, xi, robot);
@@ -178,7 +178,7 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
   bool updates = !state.test.stopped;
   if (gated && r > 0) {
     const Real chi2 = cycle.made.chi2();
-    Real log_ratio = 0.5 * ((1 - 1 / kVarianceRatio) * chi2 - r * std::log(kVarianceRatio));
+    Real log_ratio = 0.5 * ((1 - 1 / kVarianceRatio) * chi2 - r * log(kVarianceRatio));
     if (!(chi2 <= beyond(settings.gate, r))) {
       log_ratio = kMostLogRatio;
       outcome.status = Status::disagree;
@@ -188,7 +188,7 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
     cycle.test(log_ratio);
   }
   pose = found;
-  if (state.test.stopped) return {Status::stopped, -1};
+  if (state.test.stopped) return {Status::stopped};
   if (!updates) return outcome;
   update(cycle.made, cycle.work.F, state, cycle.work.gain);
   cycle.drift();

@@ -127,7 +127,7 @@ Outcome publish(Level level, OnlineCalibrator& calibrator) {
     const Real jump =
         sum_of(width, [&](int k) { return H_xi[c * width + k] * (xi[k] - in_use[k]); });
     const Real most = kJump * sigma[c];
-    if (std::fabs(jump) > most) share = std::min(share, most / std::fabs(jump));
+    if (fabs(jump) > most) share = min(share, most / fabs(jump));
   }
   for (int k : range(width))
     in_use[k] = share < 1 ? in_use[k] + share * (xi[k] - in_use[k]) : xi[k];
@@ -195,18 +195,17 @@ void follow(const ChangeSettings& changes, Real* memory, Window& window,
 }
 
 Outcome calibrate_online(Level level, OnlineCalibrator& calibrator, const Extended& q_e) {
-  if (!calibrator.drawn->finished) return {Status::unfinished, -1};
+  if (!calibrator.drawn->finished) return {Status::unfinished};
   OnlineState& state = calibrator.state;
   Window* const window = state.window;
   const int m = readings(*calibrator.drawn);
   bool news = calibrator.lines + calibrator.left_out == 0;
   for (int c : range(m))
-    news =
-        news || std::fabs(q_e[c] - calibrator.last[c]) > calibrator.fresh * first_sigma(state)[c];
+    news = news || fabs(q_e[c] - calibrator.last[c]) > calibrator.fresh * first_sigma(state)[c];
   Outcome outcome = calibrator.made;
   if (window) {
     if (window->last == 0) begin_window(calibrator);
-    if (news && !all_finite(q_e, m)) return {Status::not_finite, -1};
+    if (news && !all_finite(q_e, m)) return {Status::not_finite};
     if (window->last == kStored) news = false;  // no room yet: the row is new in the next cycle
     if (news) std::copy_n(q_e.begin(), m, window->stored + window->last++ * m);
     if (!replaying(calibrator)) {
@@ -216,7 +215,7 @@ Outcome calibrate_online(Level level, OnlineCalibrator& calibrator, const Extend
     for (int k = 0; k < kReplayed && replaying(calibrator); ++k)
       outcome = advance(level, calibrator);
   } else {
-    if (state.test.stopped) return {Status::stopped, -1};
+    if (state.test.stopped) return {Status::stopped};
     if (!news) return outcome;
     outcome = process(level, calibrator, q_e);
   }

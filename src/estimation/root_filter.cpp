@@ -13,7 +13,7 @@ void decorrelate(int p, Real* F, Real curvature, Innovations& made) {
       Real *other = F + k * p, sum = 0, before = made.noise[i];
       for (int j = p - 1; j >= 0; --j) {
         const Real alpha = before + f[j] * f[j], old = other[j];
-        other[j] = std::sqrt(before / alpha) * (old - f[j] / before * sum);
+        other[j] = sqrt(before / alpha) * (old - f[j] / before * sum);
         sum += f[j] * old;
         before = alpha;
       }
@@ -41,7 +41,7 @@ Outcome innovate(const RootFilter& filter, const Real* about, Real curvature, Re
     sum += 0 / made.noise[i];
     for (int k : range(p)) sum += 0 * (F[i * p + k] / made.noise[i]);
   }
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 
 namespace {
@@ -52,7 +52,7 @@ void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
   for (int j = p - 1; j >= 0; --j) {
     const Real before = alpha;
     alpha += f[j] * f[j];
-    const Real beta = std::sqrt(before / alpha), lambda = f[j] / before;
+    const Real beta = sqrt(before / alpha), lambda = f[j] / before;
     for (int i : range(j, p)) {
       const Real old = S[i * p + j];
       S[i * p + j] = beta * (old - lambda * b[i]);
@@ -73,7 +73,7 @@ void update(const Innovations& made, const Real* F, RootFilter& filter, Real* ga
 
 void add_drift(int p, Real* S, Real* v) {
   for (int k : range(p)) {
-    const Real length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
+    const Real length = sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
     if (!(length > 0)) continue;
     const Real c = S[k * p + k] / length, s = v[k] / length;
     for (int i : range(k, p)) {

@@ -7,7 +7,7 @@
 namespace truepose {
 /// e = H_x δx + B δξ + noise, in units of the readings' σ. After eliminate(): R δx = e - B δξ in
 /// the upper n equations; those below contain no δx.
-struct Row {
+struct ReadingRow {
   int n = 0, rows = 0;
   RowsOfPose R;  ///< H_x
   std::array<Real, kMaxRows> e;
@@ -21,7 +21,8 @@ struct Row {
 /// @param B     out: rows × known.count, by each parameter in its own unit
 /// @param rest  as of linearise
 Outcome linearise_row(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                      const Real* q_e, int last, Real* H_xi, Real* B, Row& row, Parasitic& rest);
+                      const Real* q_e, int last, Real* H_xi, Real* B, ReadingRow& row,
+                      Parasitic& rest);
 
 /// Rows as `eliminate` leaves them, by an error of one σ of each reading.
 /// @param A  H_x @param G  out: rows × rows

@@ -10,14 +10,14 @@ bool eliminate(int n, int rows, RowsOfPose& A, Real* B, int width, std::array<Re
     whole2 += norm2;
     if (!(norm2 > kSingular * whole2)) return false;  // also for a NaN
     // v = a + sign(a_j) |a| e_j, H = I - 2 v vᵀ / vᵀv
-    const Real norm = std::copysign(std::sqrt(norm2), A[j][j]);
+    const Real norm = copysign(sqrt(norm2), A[j][j]);
     std::array<Real, kMaxRows> v;
     for (int i : range(j, rows)) v[i] = A[i][j];
     v[j] += norm;
     const Real scale = 1 / (norm * v[j]);                             // 2 / vᵀv
     const auto reflect = [&](Real* columns, int count, int stride) {  // along the rows, in blocks
       for (int first = 0; first < count; first += kBlock) {
-        const int last = std::min(first + kBlock, count);
+        const int last = min(first + kBlock, count);
         Real dot[kBlock] = {};
         for (int i : range(j, rows))
           for (int k : range(first, last)) dot[k - first] += v[i] * columns[i * stride + k];

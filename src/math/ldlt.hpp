@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 
 #include "math/real.hpp"
 
@@ -20,7 +19,7 @@ class Ldlt {
     for (int j : range(n)) {
       const Real* row = A + j * stride;
       Real pivot = row[j], scaled[kMaxUnknowns];  // scaled: row j of L D
-      for (int k : range(j)) {
+      for (int k = 0; k < j; ++k) {
         scaled[k] = l_[j][k] * d_[k];
         pivot -= l_[j][k] * scaled[k];
       }
@@ -29,7 +28,7 @@ class Ldlt {
       inverse_[j] = 1 / pivot;
       for (int i : range(j + 1, n)) {
         Real sum = A[i * stride + j];
-        for (int k : range(j)) sum -= l_[i][k] * scaled[k];
+        for (int k = 0; k < j; ++k) sum -= l_[i][k] * scaled[k];
         l_[i][j] = sum * inverse_[j];
       }
     }
@@ -37,7 +36,7 @@ class Ldlt {
   /// The same for a matrix of fixed capacity.
   template <class Matrix, class Size>
   Ldlt(int n, const Matrix& A, const Size& size)
-      : Ldlt(n, A[0].data(), static_cast<int>(A[0].size()), size.data()) {}
+      : Ldlt(n, A[0].data(), int(A[0].size()), size.data()) {}
 
   /// Whether A has full rank.
   bool regular() const { return regular_; }

@@ -5,15 +5,23 @@
 // always double.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numbers>
 #include <type_traits>
 
 #include "truepose/sizes.hpp"
 
 namespace truepose {
+using std::fabs, std::sqrt, std::max, std::min, std::clamp, std::isfinite, std::isnan;
+using std::sin, std::cos, std::atan2, std::exp, std::log, std::copysign, std::remainder;
+
+inline constexpr Real kPi = std::numbers::pi_v<Real>;
+
 /// A tolerance at the level of rounding, or a power of it, by precision.
 constexpr Real by_precision(long double in_double, long double in_single) {
-  return static_cast<Real>(std::is_same_v<Real, float> ? in_single : in_double);
+  return Real(std::is_same_v<Real, float> ? in_single : in_double);
 }
 
 /// The numbers first, first + 1, …, end - 1, for loops; first is 0 by default.

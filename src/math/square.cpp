@@ -55,7 +55,7 @@ void Factors::factorise(const Unknowns& size) {
     for (int k : range(n)) {
       int best = k;
       for (int i = k + 1; i < n && square_; ++i)
-        if (std::fabs(lu_[i][k]) > std::fabs(lu_[best][k])) best = i;
+        if (fabs(lu_[i][k]) > fabs(lu_[best][k])) best = i;
       if (best != k) {
         sign_ = -sign_;
         std::swap(order_[k], order_[best]);

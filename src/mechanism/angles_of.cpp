@@ -5,7 +5,7 @@ namespace truepose {
 void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
   const int n = dof(robot.mobility);
   const Real unit = (robot.chain[0].base - robot.axis[0].origin).norm();
-  for (int step : range(kAngleSteps)) {
+  for (int step = 0; step < kAngleSteps; ++step) {
     const Carried carried = carried_frames(robot, pose);
     const Vec3 turn = unit * log_so3(seen.R * carried.pose.R.transpose());
     Square by;
@@ -22,7 +22,7 @@ void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
     Real moved = 0;
     for (int j : range(n)) {
       pose.D[j] += motion[j];
-      moved = std::max(moved, std::fabs(motion[j]));
+      moved = max(moved, fabs(motion[j]));
     }
     if (!(moved > by_precision(1e-13, 1e-6))) return;
   }
@@ -35,7 +35,7 @@ Coordinates coordinates_of(const Robot& robot, const Pose& seen, const Coordinat
     own = to_pose(robot.mobility, all_finite(near, n) ? near : robot.home);
     angles_of(robot, seen, own);
   } else {
-    own.theta = theta_of(seen.R, std::isfinite(near[n - 1]) ? near[n - 1] : 0);
+    own.theta = theta_of(seen.R, isfinite(near[n - 1]) ? near[n - 1] : 0);
   }
   return to_coordinates(robot.mobility, own);
 }

@@ -9,7 +9,7 @@ struct Builder {
 
   int add(const engine::Body& body) {
     m.body[m.bodies] = body;
-    m.freedoms = std::max(m.freedoms, body.freedom + body.count);
+    m.freedoms = max(m.freedoms, body.freedom + body.count);
     return m.bodies++;
   }
   int hinge(int parent, const Vec3& origin, const Vec3& axis) {

@@ -9,7 +9,7 @@ bool none_or_below(int index, int count) { return below(index + 1, count + 1); }
 }  // namespace
 
 Check check_parts(const Mechanism& m) {
-  const int unknowns = m.freedoms - std::min(m.motors, m.coordinates);
+  const int unknowns = m.freedoms - min(m.motors, m.coordinates);
   if (!below(m.bodies, kBodies + 1)) return {Flaw::too_many_bodies, -1, Real(m.bodies)};
   if (!below(m.closures, kClosures + 1)) return {Flaw::too_many_closures, -1, Real(m.closures)};
   if (!below(m.freedoms, kFreedoms + 1) || unknowns > kMaxUnknowns)
@@ -42,16 +42,16 @@ int rank(std::array<Row, kClosures> m, int rows, int columns, std::array<int, kC
   for (int j : range(columns)) freedom[j] = j;
   for (int j : range(columns)) {
     Real size = 0;
-    for (int i : range(rows)) size = std::max(size, std::fabs(m[i][j]));
+    for (int i : range(rows)) size = max(size, fabs(m[i][j]));
     for (int i = 0; i < rows && size > 0; ++i) m[i][j] /= size;
   }
   int k = 0;
-  for (; k < std::min(rows, columns); ++k) {
+  for (; k < min(rows, columns); ++k) {
     int row = k, column = k;
     for (int i : range(k, rows))
       for (int j : range(k, columns))
-        if (std::fabs(m[i][j]) > std::fabs(m[row][column])) row = i, column = j;
-    if (!(std::fabs(m[row][column]) > 1e-6)) break;
+        if (fabs(m[i][j]) > fabs(m[row][column])) row = i, column = j;
+    if (!(fabs(m[row][column]) > 1e-6)) break;
     std::swap(m[k], m[row]);
     std::swap(original[k], original[row]);
     std::swap(freedom[k], freedom[column]);
@@ -75,7 +75,7 @@ Check check(const Mechanism& m, Position& at) {
   Row size{};
   int widest = 0;
   for (int i : range(m.closures)) {
-    if (std::fabs(gap(m, at, i)) > std::fabs(gap(m, at, widest))) widest = i;
+    if (fabs(gap(m, at, i)) > fabs(gap(m, at, widest))) widest = i;
     Row own{};
     all[i] = row(m, at, i, own);
     bool moved = false;

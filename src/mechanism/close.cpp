@@ -81,14 +81,14 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
   Real scale = 0;  // the longest rod; of planes how far out their points are
   for (int i : range(mechanism.closures)) {
     if (mechanism.closure[i].plane) {
-      scale = std::max({scale, at.A[i].norm(), at.B[i].norm()});
+      scale = max({scale, at.A[i].norm(), at.B[i].norm()});
       continue;
     }
     const Real length = length_of(mechanism, at, i);
     if (!(length > 0)) return {{Status::unreachable, i}};
-    scale = std::max(scale, length);
+    scale = max(scale, length);
   }
-  if (!std::isfinite(at.cost)) return {{Status::not_finite, -1}};
+  if (!isfinite(at.cost)) return {{Status::not_finite}};
 
   NewtonEnd end;
   if (!(near && at.residual <= kRounding * scale)) {
@@ -124,7 +124,7 @@ Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& u
   for (int i : range(mechanism.closures))
     if (stretched(mechanism, at, i)) return {Status::singular, i};
   const Equations equations(mechanism, at, unknown);
-  if (!equations.regular()) return {Status::singular, -1};
+  if (!equations.regular()) return {Status::singular};
   std::array<Real, kClosures> f;
   for (int j : range(held.count)) {
     for (int i : range(mechanism.closures)) f[i] = -equations.by[i][held.index[j]];

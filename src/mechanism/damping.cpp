@@ -21,12 +21,12 @@ Conditioning::Conditioning(const Closure& closure)
     scale[i] = 1 / length_[i];
     // A telescopic leg always drives along itself.
     const Real dB = chain.dB.norm();
-    speed_[i] = dB > 0 ? dB : std::fabs(chain.rate);
-    serial_[i] = std::fabs(chain.jq) / (length_[i] * speed_[i]);
+    speed_[i] = dB > 0 ? dB : fabs(chain.rate);
+    serial_[i] = fabs(chain.jq) / (length_[i] * speed_[i]);
   }
   unit_ = jx_rows(closure, scale, lines_);
   for (int j : range(n_)) {
-    unit_[j] = std::sqrt(unit_[j]);
+    unit_[j] = sqrt(unit_[j]);
     for (int i : range(motors_)) {
       lines_[i][j] *= 1 / unit_[j];
       square_ += lines_[i][j] * lines_[i][j];
@@ -37,13 +37,13 @@ Conditioning::Conditioning(const Closure& closure)
   Real inverse2 = 0;
   for (int i : range(n_))
     for (int j : range(motors_)) inverse2 += rows[i][j] * rows[i][j];
-  parallel_ = inverse_ ? n_ / std::sqrt(square_ * inverse2) : 0;
+  parallel_ = inverse_ ? n_ / sqrt(square_ * inverse2) : 0;
 }
 
 Outcome Conditioning::outcome() const {
   for (int i : range(motors_))
     if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
-  return {inverse_ ? Status::ok : Status::singular, -1};
+  return {inverse_ ? Status::ok : Status::singular};
 }
 
 bool Conditioning::damped(const Closure& closure, Real band, Square& J) const {
@@ -56,11 +56,11 @@ bool Conditioning::damped(const Closure& closure, Real band, Square& J) const {
     Joint weight;
     Real most = 0;
     for (int i : range(motors_)) {
-      weight[i] = std::fabs(length_[i] / divisor(i, closure.chain[i].jq, band));
-      most = std::max(most, weight[i]);
+      weight[i] = fabs(length_[i] / divisor(i, closure.chain[i].jq, band));
+      most = max(most, weight[i]);
     }
     for (int i : range(motors_)) {
-      scale[i] = std::copysign(1 / most, closure.chain[i].jq);
+      scale[i] = copysign(1 / most, closure.chain[i].jq);
       for (int j : range(n_)) {
         rows[i][j] *= weight[i] / most;
         square += rows[i][j] * rows[i][j];
@@ -80,10 +80,10 @@ Outcome jacobian(Closure& closure, Real band, Jacobians& jacobians) {
   if (!(band > 0)) return exact;
   const Conditioning conditioning(closure);
   const bool dependent = conditioning.parallel() < band;
-  Outcome outcome{Status::ok, -1};
+  Outcome outcome{Status::ok};
   const bool weighted = closure.motors > jacobians.n && conditioning.least() < band;
   if (dependent || weighted || !exact) {
-    if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular, -1};
+    if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular};
     outcome.status = Status::near_singular;
   }
   for (int i : range(jacobians.motors)) {
@@ -105,7 +105,7 @@ Outcome by_engine(const Robot& robot, const Coordinates& x, Real& parallel, Join
   serial.fill(1);
   for (int i : range(m.closures))
     if (const int motor = m.closure[i].motor; motor >= 0)
-      serial[motor] = std::min(serial[motor], std::fabs(engine::serial(m, closure.at, i)));
+      serial[motor] = min(serial[motor], fabs(engine::serial(m, closure.at, i)));
   return outcome;
 }
 }  // namespace
@@ -118,6 +118,6 @@ Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel, J
   const Conditioning at(closure);
   parallel = at.parallel();
   for (int i : range(closure.motors)) serial[i] = at.serial(i);
-  return {all_finite(serial, closure.motors) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(serial, closure.motors) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

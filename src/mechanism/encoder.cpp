@@ -10,11 +10,11 @@ Encoded encode(const Eccentricity& encoder, Real angle) {
 
 Real decode(const Eccentricity& encoder, Real value) {
   Real angle = value;
-  for (int k : range(kDecodeIterations)) {
+  for (int k = 0; k < kDecodeIterations; ++k) {
     const Encoded read = encode(encoder, angle);
     const Real step = (value - read.value) / read.slope;
     angle += step;
-    if (!(std::fabs(step) > by_precision(1e-12, 1e-6)))
+    if (!(fabs(step) > by_precision(1e-12, 1e-6)))
       break;  // quadratic: the next one is below rounding
   }
   return angle;

@@ -28,9 +28,9 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
   engine::Position& at = closure.at;
   const engine::Row start = at.y;
   FkmResult result =
-      engine::close(built.mechanism, at, unknown, std::min(kFkmIterations, cap), start_closed);
+      engine::close(built.mechanism, at, unknown, min(kFkmIterations, cap), start_closed);
   const bool described = is_mechanism(robot.mobility);
-  const int left = std::min(kFkmIterations, cap - result.iterations);
+  const int left = min(kFkmIterations, cap - result.iterations);
   if (described && !result && result.status != Status::not_finite && left > 0) {
     engine::Position again = at;
     again.y = start;
@@ -97,12 +97,12 @@ Outcome note_home(Robot& robot) {
 }
 
 Outcome finish_full(Robot& robot) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int n = dof(robot.mobility), motors = robot.motors;
   FullLevel& level = robot.full = {};
   bool described = true;
   for (int i : range(motors)) {
-    level.bars = std::max(level.bars, robot.chain[i].bar + 1);
+    level.bars = max(level.bars, robot.chain[i].bar + 1);
     described = described && robot.chain[i].rod_spacing > 0;
   }
   if (!paired(robot.mobility)) {
@@ -114,7 +114,7 @@ Outcome finish_full(Robot& robot) {
   if (!described || level.bars > kMaxBars) return {};
   const bool together = robot.bar_joint == BarJoint::four_bar;
   level.rods = 2 * motors;
-  level.unknowns = 6 + (together ? std::min(1, level.bars) : level.bars);
+  level.unknowns = 6 + (together ? min(1, level.bars) : level.bars);
   level.excess = level.rods - level.unknowns;
   level.kind = FullKind::loose;
   if (level.excess < 0) {
@@ -140,9 +140,9 @@ Outcome finish_full(Robot& robot) {
 
 FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure, int cap,
               const Parasitic& rest) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
+  if (!robot.finished) return {{Status::unfinished}};
   for (int i : range(robot.motors))
-    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
+    if (!isfinite(q[i])) return {{Status::not_finite, i}};
   build(robot, Layout::full, closure.built);
   const engine::Mechanism& m = closure.built.mechanism;
   closure.at.y = stand(robot, closure.built, q, pose);
@@ -157,7 +157,7 @@ FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& c
 namespace {
 /// Where the search for the motors at a pose starts: at the ideal level's, or at home's.
 Outcome start_at(const Robot& robot, const Pose& pose, Built& built, engine::Row& start) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   build(robot, Layout::full, built);
   Joint q{};
   Closure ideal;
@@ -175,7 +175,7 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasi
   const Outcome outcome = start_at(robot, pose, closure.built, start);
   if (!outcome) return {outcome};
   const engine::Freedoms unknown = engine::inverse(closure.built.mechanism);
-  FkmResult result{{Status::not_converged, -1}};
+  FkmResult result{{Status::not_converged}};
   Parasitic alone;
   if (!rest) rest = &alone;
   for (bool near = rest->known; rest->most(near) > 0; near = false) {
@@ -208,17 +208,17 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
       size[i] += K[j][i] * K[j][i];
     }
   }
-  if (outcome && !invert(m.motors, n, K, size, inverse)) return {Status::singular, -1};
+  if (outcome && !invert(m.motors, n, K, size, inverse)) return {Status::singular};
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j)
     for (int i : range(n)) sum += J[i][j] = inverse[i][j];
-  if (outcome && !std::isfinite(sum)) outcome.status = Status::not_finite;
+  if (outcome && !isfinite(sum)) outcome.status = Status::not_finite;
   return outcome;
 }
 
 Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                       const Joint& arm, Extended& q_e) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int m = robot.motors;
   FullClosure there;
   build(robot, Layout::free, there.built);
@@ -236,6 +236,6 @@ Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& mot
   for (int k : range(robot.r))
     if (const Sensor& sensor = robot.sensor[k]; sensor.kind == SensorKind::axis_angle)
       q_e[m + k] = sensor.gain * sense_axis(sensor, angles).value - sensor.offset;
-  return {all_finite(q_e, m + robot.r) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(q_e, m + robot.r) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

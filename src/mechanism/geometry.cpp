@@ -10,7 +10,7 @@ struct Exchange {
 
   template <class Parameter>
   void operator()(Parameter first, Real* members, int count) const {
-    Real* column = xi + static_cast<int>(first);
+    Real* column = xi + int(first);
     to_xi ? std::copy_n(members, count, column) : std::copy_n(column, count, members);
   }
   template <class Parameter>
@@ -85,7 +85,7 @@ void exchange(Robot& robot, Real* xi, bool to_xi) {
 }  // namespace
 
 Outcome drawn_parameters(const Robot& drawn, Real* xi) {
-  if (!drawn.finished) return {Status::unfinished, -1};
+  if (!drawn.finished) return {Status::unfinished};
   std::fill_n(xi, parameter_count(drawn), 0.0);
   exchange(const_cast<Robot&>(drawn), xi, true);  // which it only reads
   for (int i : range(drawn.chains))
@@ -95,14 +95,12 @@ Outcome drawn_parameters(const Robot& drawn, Real* xi) {
 }
 
 Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) {
-  if (!drawn.finished || !robot.finished) return {Status::unfinished, -1};
+  if (!drawn.finished || !robot.finished) return {Status::unfinished};
   exchange(robot, const_cast<Real*>(xi), false);
   for (int i : range(drawn.chains)) {
     const Chain& from = drawn.chain[i];
     Chain& chain = robot.chain[i];
-    const auto turn_of = [&](ChainParameter p) {
-      return xi[chain_column(i) + static_cast<int>(p)];
-    };
+    const auto turn_of = [&](ChainParameter p) { return xi[chain_column(i) + int(p)]; };
     // Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
     const Mat3 yaw = rotation_z(turn_of(ChainParameter::yaw));
     chain.zero = yaw * from.zero;

@@ -24,8 +24,8 @@ struct Closure {
 /// @param angle  false: q is left out, which needs no trigonometry
 /// @return unreachable and the first chain that cannot close, or not_finite.
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool angle = true) {
-  if (!robot.finished) return {Status::unfinished, -1};
-  if (is_mechanism(robot.mobility)) return {Status::no_chains, -1};
+  if (!robot.finished) return {Status::unfinished};
+  if (is_mechanism(robot.mobility)) return {Status::no_chains};
   closure.pose = pose;
   closure.motors = robot.motors;
   carry(robot, pose, closure.carried);
@@ -41,6 +41,6 @@ inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool 
     }
     if (angle) sum += state.q;
   }
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

@@ -43,7 +43,7 @@ namespace {
   Square K;
   const Unknowns sizes = inverse_rows(closure, K);
   const bool inverse = bool(invert(jacobians.motors, jacobians.n, K, sizes, jacobians.J));
-  return {inverse ? Status::ok : Status::singular, -1};
+  return {inverse ? Status::ok : Status::singular};
 }
 }  // namespace
 
@@ -61,7 +61,7 @@ Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   for (int i : range(n))
     for (int j : range(n)) jacobians.J[i][j] *= jacobians.jq[j];
   jacobians.sign = inverse.sign;
-  return {inverse ? Status::ok : Status::singular, -1};
+  return {inverse ? Status::ok : Status::singular};
 }
 
 Coordinates pose_rate(const Jacobians& at, const Joint& rate) {
@@ -78,7 +78,7 @@ Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
   Real sum = 0;  // becomes NaN if any value is
   for (int i : range(jacobians.n))
     for (int j : range(jacobians.motors)) sum += J[i][j] = jacobians.J[i][j];
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 
 Outcome note_assembly(Robot& robot) {
@@ -96,7 +96,7 @@ Outcome finish(Robot& robot) {
   const Outcome exist = parts_exist(robot);
   if (!exist) return exist;
   const int n = dof(robot.mobility);
-  if (robot.chains != robot.motors || robot.motors < n) return {Status::not_square, -1};
+  if (robot.chains != robot.motors || robot.motors < n) return {Status::not_square};
   // No parallelogram keeps a bar's orientation on a platform that turns about more than z.
   for (int i = 0; i < robot.motors && robot.mobility >= Mobility::spatial; ++i)
     if (robot.chain[i].bar >= 0 || robot.chain[i].anchor.squaredNorm() > 0)
@@ -107,7 +107,7 @@ Outcome finish(Robot& robot) {
   robot.limited = false;
   robot.assembly_sign = 0;
   const auto limits = [&](const auto& of) {
-    robot.limited = robot.limited || std::isfinite(of.low) || std::isfinite(of.high);
+    robot.limited = robot.limited || isfinite(of.low) || isfinite(of.high);
   };
   for (int i : range(robot.motors)) limits(robot.chain[i]);
   for (int j : range(passive_axes(robot.mobility))) limits(robot.axis[j]);

@@ -24,7 +24,7 @@ struct Loops : Closure {
       v = of.base + driven[i].p - placed().D - lever - of.anchor;
       f[i] = 0.5 * (v.squaredNorm() - rod * rod);
       cost += f[i] * f[i];
-      residual = std::max(residual, std::fabs(f[i]) / rod);  // |v| - L = f / L to first order
+      residual = max(residual, fabs(f[i]) / rod);  // |v| - L = f / L to first order
     }
   }
 };

@@ -103,9 +103,7 @@ void Readings::chain_columns(int i) {
   const Chain& chain = robot.chain[i];
   const Mat3& platform = at.frame[built.platform].R;
   const Mat3& body = chain.bar < 0 ? platform : at.frame[built.bar[i]].R;
-  const auto column = [&](ChainParameter parameter) {
-    return chain_column(i) + static_cast<int>(parameter);
-  };
+  const auto column = [&](ChainParameter parameter) { return chain_column(i) + int(parameter); };
   for (int side : range(built.rods_per_chain)) {
     const int closure = built.rods_per_chain * i + side;
     const Real half = built.rods_per_chain == 1 ? 0 : side == 0 ? 0.5 : -0.5;
@@ -134,7 +132,7 @@ void Readings::encoder_columns(int i) {
   const Chain& chain = robot.chain[i];
   const bool revolute = chain.actuator == Actuator::revolute;
   const auto enter = [&](ChainParameter parameter, Real value, int next = 0) {
-    enter_motor(i, chain_column(i) + static_cast<int>(parameter) + next, value);
+    enter_motor(i, chain_column(i) + int(parameter) + next, value);
   };
   const Real v = (motor_reading(chain, at.y[i]) + chain.encoder_offset) / chain.encoder_gain;
   enter(encoder_offset, -1);
@@ -153,9 +151,9 @@ void Readings::sensor_columns(int k) {
   const Sensor& of = robot.sensor[k];
   const Sensed& s = sensed[k];
   Real* row = &entry(k, sensor_column(robot, k));
-  row[static_cast<int>(SensorParameter::offset)] = -1;
-  row[static_cast<int>(SensorParameter::gain)] = s.value;
-  int column = static_cast<int>(SensorParameter::origin_x);
+  row[int(SensorParameter::offset)] = -1;
+  row[int(SensorParameter::gain)] = s.value;
+  int column = int(SensorParameter::origin_x);
   const Vec3 direction = turned_only(s.direction, of.direction);
   const Vec3 normal = turned_only(s.normal, of.normal);
   for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
@@ -178,17 +176,15 @@ void Readings::joint_columns(int body, int first) {
     return slides ? along(moved) : about(at.frame[body].p, moved);
   };
   for (int k : range(3))
-    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k,
+    enter_twist(body, first + int(AxisParameter::origin_x) + k,
                 along(at.direction(joint.parent, Vec3::Unit(k))));
   if (!slides && joint.kind != engine::Kind::hinge) return;  // no axis of its own
   for (int k : range(3)) {
     const Vec3 turned = turned_only(Vec3::Unit(k), d);
-    enter_twist(
-        body, first + static_cast<int>(AxisParameter::direction_x) + k,
-        by(slides ? phi * turned : std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned)));
+    enter_twist(body, first + int(AxisParameter::direction_x) + k,
+                by(slides ? phi * turned : sin(phi) * turned + (1 - cos(phi)) * d.cross(turned)));
   }
-  if (is_mechanism(robot.mobility))
-    enter_twist(body, first + static_cast<int>(AxisParameter::zero), by(d));
+  if (is_mechanism(robot.mobility)) enter_twist(body, first + int(AxisParameter::zero), by(d));
 }
 
 /// Parameters of a described closure, in one of its equations: its ends, its length, its hinge.
@@ -196,7 +192,7 @@ void Readings::described_columns(int closure) {
   using enum ClosureParameter;
   const engine::Closure& of = built.mechanism.closure[closure];
   const auto column = [&](ClosureParameter parameter) {
-    return closure_column(robot, of.described) + static_cast<int>(parameter);
+    return closure_column(robot, of.described) + int(parameter);
   };
   const ClosureParameter A = of.exchanged ? base_x : anchor_x, B = of.exchanged ? anchor_x : base_x;
   const Vec3 d = at.A[closure] - at.B[closure];
@@ -233,7 +229,7 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
     if (engine::stretched(m, at, rod)) return {Status::singular, rod / built.rods_per_chain};
   const engine::Freedoms unknown = engine::inverse(m);
   const engine::Equations equations(m, at, unknown);
-  if (!equations.regular()) return {Status::singular, -1};
+  if (!equations.regular()) return {Status::singular};
   Readings by(robot, built, at, theta, g);
   for (int c : range(by.count)) std::copy_n(by.e[c].begin() + by.m, by.n, H_x[c].begin());
   // e_u u, for a motion u of the unknown freedoms

@@ -28,7 +28,7 @@ void place_body(const Body& body, const Real* y, const Vec3& p, const Mat3& R, F
     }
     case Kind::hinge: {
       const Real angle = body.offset + body.ratio * y[0];
-      at.R = R * turn_about(body.axis, std::cos(angle), std::sin(angle));
+      at.R = R * turn_about(body.axis, cos(angle), sin(angle));
       at.twist[0] = turns_about(body.ratio * (R * body.axis));
       break;
     }
@@ -100,7 +100,7 @@ void place(const Mechanism& mechanism, Position& at, unsigned moving) {
   at.cost = at.residual = 0;
   for (int i : range(mechanism.closures)) {
     at.cost += at.f[i] * at.f[i];
-    at.residual = std::max(at.residual, std::fabs(gap(mechanism, at, i)));
+    at.residual = max(at.residual, fabs(gap(mechanism, at, i)));
   }
 }
 }  // namespace truepose::engine

@@ -66,7 +66,7 @@ void carry(const Robot& robot, const Pose& pose, Carried& carried) {
   Mat3 R;
   for (int j : range(n)) {
     const PassiveAxis& axis = robot.axis[j];
-    const Mat3 turn = turn_about(axis.direction, std::cos(pose.D[j]), std::sin(pose.D[j]));
+    const Mat3 turn = turn_about(axis.direction, cos(pose.D[j]), sin(pose.D[j]));
     const bool first = j == 0;  // R is the identity
     centre[j] = p = first ? axis.origin : p + R * axis.origin;
     carried.axis[j] = first ? axis.direction : R * axis.direction;

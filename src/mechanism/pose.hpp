@@ -1,8 +1,6 @@
 // Coordinates x, poses (D, R) and the free twists of a mobility.
 #pragma once
 
-#include <algorithm>
-
 #include "math/so3.hpp"
 #include "mechanism/robot.hpp"
 
@@ -21,7 +19,7 @@ struct Pose {
 inline constexpr std::array<std::array<int, kMaxDof>, 5> kFreeColumns{
     {{0, 1}, {0, 1, 5}, {0, 1, 2}, {0, 1, 2, 5}, {0, 1, 2, 3, 4, 5}}};
 constexpr const std::array<int, kMaxDof>& free_columns(Mobility mobility) {
-  return kFreeColumns[static_cast<std::size_t>(mobility)];
+  return kFreeColumns[std::size_t(mobility)];
 }
 
 /// Whether θ, a turn about z, is the last coordinate.

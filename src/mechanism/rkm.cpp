@@ -43,7 +43,7 @@ Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorR
     sum += values[k];
     for (int j : range(closure.carried.n)) sum += jr[k][j];
   }
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 
 Joint motors_of(const Robot& robot, const Extended& q_e) {

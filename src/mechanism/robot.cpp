@@ -6,9 +6,7 @@
 namespace truepose {
 Outcome parts_exist(const Robot& robot) {
   const auto missing = [](int part) { return Outcome{Status::no_such_part, part}; };
-  const auto below = [](auto index, int count) {
-    return static_cast<int>(index) >= 0 && static_cast<int>(index) < count;
-  };
+  const auto below = [](auto index, int count) { return int(index) >= 0 && int(index) < count; };
   const bool described = is_mechanism(robot.mobility);
   const engine::Mechanism& m = robot.mechanism;
   const auto bar = [&](int index) {

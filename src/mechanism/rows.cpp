@@ -67,7 +67,7 @@ Real serial(const Mechanism& mechanism, const Position& at, int closure) {
                    slope -= twist * line;
                    size += line.force.squaredNorm() * reach2;
                  });
-  return size > 0 ? slope / std::sqrt(size) : 0;
+  return size > 0 ? slope / sqrt(size) : 0;
 }
 
 int mode_of(const Mechanism& mechanism, const Position& at, int closure) {
@@ -86,17 +86,16 @@ Real parallel(const Mechanism& mechanism, const Position& at) {
     const Row by = row(mechanism, at, i, own);
     const Real force2 = at.line[i].force.squaredNorm();
     for (int j : range(columns)) {
-      A[i][j] = by[free.index[j]] / std::sqrt(force2);
+      A[i][j] = by[free.index[j]] / sqrt(force2);
       size[j] += own[free.index[j]] / force2;
     }
   }
   Real square = 0, inverse2 = 0;
   for (int i : range(rows))
-    for (int j : range(columns))
-      square += A[i][j] * A[i][j] / size[j], A[i][j] /= std::sqrt(size[j]);
+    for (int j : range(columns)) square += A[i][j] * A[i][j] / size[j], A[i][j] /= sqrt(size[j]);
   if (!invert(rows, columns, A, ones, inverse)) return 0;
   for (int j : range(columns))
     for (int i : range(rows)) inverse2 += inverse[j][i] * inverse[j][i];
-  return columns / std::sqrt(square * inverse2);
+  return columns / sqrt(square * inverse2);
 }
 }  // namespace truepose::engine

@@ -65,10 +65,10 @@ Outcome read(const Robot& robot, const Built& built, const engine::Position& at,
     const Sensor& sensor = robot.sensor[k];
     if (built.layout == Layout::full && !is_mechanism(robot.mobility) &&
         sensor.bar >= robot.full.bars)
-      return {Status::not_measured, -1};
+      return {Status::not_measured};
     q_e[robot.motors + k] =
         sensor.gain * sense(robot, built, at, theta, sensor).value - sensor.offset;
   }
-  return {all_finite(q_e, readings(robot)) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(q_e, readings(robot)) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

@@ -19,7 +19,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      int registration, Optional<const Links> links, int influences,
                      const Rows& influence, int loss, double tuning, int iterations, bool full,
                      int referenced, bool rows) {
-  RowMatrix x(static_cast<int>(q_e.shape(0)), dof(drawn.mobility));
+  RowMatrix x(int(q_e.shape(0)), dof(drawn.mobility));
   CalibrationResult result;
   {
     const nb::gil_scoped_release release;
@@ -37,19 +37,19 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
   }
   std::vector<int> status;
   for (int i : range(x.rows())) {
-    status.push_back(static_cast<int>(result.status[i]));
+    status.push_back(int(result.status[i]));
     Coordinates at;
     at.fill(NAN);
     if (!result.xi.empty() && status[i] == 0) at = to_coordinates(drawn.mobility, result.pose[i]);
     std::copy_n(at.begin(), x.cols(), x[i]);
   }
-  const RowMatrix link(static_cast<int>(result.link.size()), 4,
+  const RowMatrix link(int(result.link.size()), 4,
                        reinterpret_cast<const double*>(result.link.data()));
   const auto& [start, found] = std::tie(result.start, result.registration);
   return nb::make_tuple(
-      static_cast<int>(result.outcome.status), result.iterations, result.xi, result.covariance, x,
-      result.chi2, result.redundancy, result.weight, status, result.cost, start.base, start.marker,
-      found.base, found.marker, result.w, link, result.amount,
+      int(result.outcome.status), result.iterations, result.xi, result.covariance, x, result.chi2,
+      result.redundancy, result.weight, status, result.cost, start.base, start.marker, found.base,
+      found.marker, result.w, link, result.amount,
       nb::make_tuple(result.rows.B, result.rows.y, result.rows.D, result.rows.line));
 }
 
@@ -144,7 +144,7 @@ auto batch_observe(Online& online, const Rows& q_e, const std::vector<double>& l
 Links links_of(const RowMatrix& rows, const std::vector<double>& mean, int first) {
   Links links{{}, mean, first};
   for (int i : range(rows.rows())) {
-    const auto whole = [&](int k) { return static_cast<int>(rows(i, k)); };
+    const auto whole = [&](int k) { return int(rows(i, k)); };
     links.link.push_back({LinkKind{whole(0)},
                           {whole(1), whole(2)},
                           whole(3),
@@ -190,7 +190,7 @@ void bind_calibration(nb::module_& m) {
         online.note();
         nb::list all;
         for (const auto& [row, kind, which, log_odds] : online.recognised)
-          all.append(nb::make_tuple(row, static_cast<int>(kind), which, log_odds));
+          all.append(nb::make_tuple(row, int(kind), which, log_odds));
         return all;
       });
   nb::class_<ResidualTest>(m, "ResidualTest")

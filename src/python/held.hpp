@@ -28,7 +28,7 @@ struct Known {
     if (root.rows() != root.cols() || root.rows() != count())
       throw std::invalid_argument("one row and column for each parameter");
   }
-  int count() const { return static_cast<int>(column.size()); }
+  int count() const { return int(column.size()); }
   Knowledge view() const { return {count(), column.data(), root.data(), sigma}; }
 };
 
@@ -36,7 +36,7 @@ struct Known {
 inline Influences influences_at(const Robot& robot, const std::optional<Rows>& influence,
                                 std::size_t i) {
   if (!influence) return {};
-  return {static_cast<int>(influence->shape(1)) / readings(robot), at_row(*influence, i)};
+  return {int(influence->shape(1)) / readings(robot), at_row(*influence, i)};
 }
 
 /// Knowledge and work space of one thread for weighted laws; none without knowledge.
@@ -123,11 +123,8 @@ struct Online : OnlineCalibrator {
     std::ranges::copy(mean, state.xi);
     state.kept.assign(state);
     settings.gate = gate;
-    settings.changes = {steps.rows(),    static_cast<int>(ends.size()),
-                        drifts.rows(),   load,
-                        steps.data(),    ends.data(),
-                        log_odds.data(), drifts.data(),
-                        force,           compliance};
+    settings.changes = {steps.rows(), int(ends.size()), drifts.rows(), load,  steps.data(),
+                        ends.data(),  log_odds.data(),  drifts.data(), force, compliance};
     if (ends.empty()) return;
     followed.resize(follow_memory(*this, settings.changes));
     follow(settings.changes, followed.data(), window, *this);
@@ -167,7 +164,7 @@ struct Online : OnlineCalibrator {
   }
   /// Keeps the changes recognised since the last call.
   void note() {
-    for (auto k = static_cast<long>(recognised.size()); k < window.recognised; ++k)
+    for (auto k = long(recognised.size()); k < window.recognised; ++k)
       recognised.push_back(window.news[k % kNews]);
   }
   /// State other than ξ̂ and its root: the rollback state, σ, counts, the residual test, the window.

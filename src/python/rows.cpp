@@ -1,5 +1,4 @@
 // Functions over rows of arrays for Python: one table, without the interpreter's lock.
-#include <cmath>
 #include <string>
 
 #include "calibration/bound.hpp"
@@ -253,7 +252,7 @@ const RowFunction kFunctions[] = {
      of<[](const Robot& robot, Frame base, Frame marker, Pose x, Coordinates measured) {
        const Mobility mobility = robot.mobility;
        const Seen at = seen(mobility, {base, marker}, x);
-       const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
+       const double theta = atan2(at.Q(1, 0), at.Q(0, 0));
        return std::tuple(Outcome{}, to_coordinates(mobility, {at.p, at.Q, theta}),
                          innovation(mobility, at, measured.data()), at.H_x, at.H, at.blunt);
      }>},

@@ -1,7 +1,6 @@
 // Readings of faulty sensors.
 #pragma once
 
-#include <algorithm>
 #include <limits>
 #include <random>
 #include <vector>
@@ -58,7 +57,7 @@ inline constexpr std::array kFaultTable{
 static_assert(in_order(kFaultTable, &FaultProperties::kind));
 
 constexpr const FaultProperties& properties(FaultKind kind) {
-  return kFaultTable[static_cast<std::size_t>(kind)];
+  return kFaultTable[std::size_t(kind)];
 }
 
 /// One reading that is faulty for a time.

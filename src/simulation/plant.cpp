@@ -50,7 +50,7 @@ Outcome advance(const Robot& truth, const Joint& torque, double period, int step
                 PlantState& state) {
   Rotors rigid{};
   const Drive drive = [&](const auto&, const auto&, const auto&, auto&) { return torque; };
-  for (int s : range(steps)) {
+  for (int s = 0; s < steps; ++s) {
     const Outcome outcome = step(truth, period / steps, state, rigid, drive);
     if (!outcome) return outcome;
   }

@@ -15,7 +15,7 @@ Loop::Loop(const Robot& nominal, const Robot& truth, const ControlSettings& sett
 }
 
 Outcome Loop::move(const Run& run, const Write& write) {
-  const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
+  const int periods = int(std::lround((run.duration + run.hold) / settings_.period));
   return follow(
       periods, run.steps,
       [&](double k) {
@@ -37,8 +37,8 @@ Outcome Loop::follow(int periods, int steps, const Path& path, const Write& writ
   }
   for (int k : range(periods + 1)) {
     const double time = k * settings_.period;
-    const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
-                                              : path(static_cast<double>(k));
+    const Setpoint setpoint =
+        clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period)) : path(double(k));
     const bool late = extras_.effects.delayed && control_.started;  // torques
     const Joint before = torque();
     Outcome outcome = run_cycle(plant_, time, setpoint, cycle);

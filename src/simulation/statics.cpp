@@ -91,9 +91,9 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
   double last = INFINITY;
   // The steps follow the robot's own approach, so a fault that reverses the feedback has no
   // equilibrium. One that overstates the motion must not overshoot.
-  const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
-  const int iterations = static_cast<int>(most * kSettleIterations);
-  for (int iteration : range(iterations)) {
+  const double most = faults ? min(faults->amplification(), kMostAmplified) : 1;
+  const int iterations = int(most * kSettleIterations);
+  for (int iteration = 0; iteration < iterations; ++iteration) {
     Extended q_e{};
     Joint load{};
     outcome = extended(level_of(truth), truth, pose, q_e, &standing);
@@ -111,9 +111,9 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     double size = 0;
     for (int i : range(n)) {
       for (int j : range(nominal.motors)) step[i] += reference.jacobians.J[i][j] * error[j] / most;
-      size = std::max(size, std::fabs(step[i]));
+      size = max(size, fabs(step[i]));
     }
-    if (!all_finite(step, n)) return {Status::not_finite, -1};
+    if (!all_finite(step, n)) return {Status::not_finite};
     pose = moved(nominal.mobility, pose, step);
     // Linear convergence: stop at rounding, or where small steps no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {
@@ -122,7 +122,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     }
     last = size;
   }
-  return {Status::not_converged, -1};
+  return {Status::not_converged};
 }
 
 Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,

@@ -59,13 +59,13 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
     own[i] = weight_of_arm(robot, robot.chain[i], driven.dB);
     for (int j : range(freedoms)) w[j] -= own[i] * (G[i][j] /= by_reading[i]);
   }
-  if (!held(G, {w, w + freedoms}, T)) return {Status::singular, -1};
+  if (!held(G, {w, w + freedoms}, T)) return {Status::singular};
   for (int i : range(m.motors)) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     double* of = T.data() + per * i;
     if (overdriven(robot)) *of = (*of - own[i]) / by_reading[i];
     const double sum = per == 1 ? of[0] : of[0] + of[1];
-    pull.tension[i] = std::isnan(load.tension[i]) ? sum : load.tension[i];
+    pull.tension[i] = isnan(load.tension[i]) ? sum : load.tension[i];
     pull.rate[i] = driven.rate;
     pull.torque[i] = weight_of_arm(robot, robot.chain[i], driven.dB) / driven.rate;
     pull.length[i] = pull.difference[i] = 0;
@@ -82,7 +82,7 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
 }  // namespace
 
 Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   FullClosure at;
   if (level == Level::full && robot.full.own()) {
     const Outcome outcome = ikm(robot, pose, at);
@@ -123,7 +123,7 @@ Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Join
   for (int c : range(n + robot.r)) {
     const double* H = H_xi + c * parameter_count(robot);
     const auto along = [&](int i, ChainParameter parameter) {
-      return H[chain_column(i) + static_cast<int>(parameter)];
+      return H[chain_column(i) + int(parameter)];
     };
     for (int i : range(n))
       result.by_compliance[c][i] =
