@@ -73,6 +73,8 @@ LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, co
   return result;
 }
 
+namespace {
+/// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
 std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n) {
   std::vector<int> root(lines.size()), block(lines.size(), -1);
   std::iota(root.begin(), root.end(), 0);
@@ -100,6 +102,8 @@ std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& line
   }
   return blocks;
 }
+
+}  // namespace
 
 std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
                               const Knowledge& known, const std::vector<Pose>& poses,

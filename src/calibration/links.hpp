@@ -80,9 +80,6 @@ struct LinkBlock {
   void weigh(const LineLoss& loss);
 };
 
-/// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
-std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n);
-
 /// The links as equations in ξ, in blocks that share rows.
 /// @param poses, lines  of the log; a line without rows is unknown
 /// @param known  parameters including w; without a root in units of each (m, rad, one)

@@ -10,9 +10,8 @@ Registration moved(const Registration& from, const double* step) {
           {from.marker.t + at(6), exp_so3(at(9)) * from.marker.R}};
 }
 
-}  // namespace truepose
-
-namespace truepose::registration_detail {
+namespace {
+/// Enters derivatives of the marker's turn about `about`. @param turn  platform to tracker
 void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn, const Vec3& about,
                 int i, Seen& to) {
   free_row({mobility, dof(mobility), {}, {}, {}, {}}, Vec3::Zero(), by.base.R.transpose() * about,
@@ -22,9 +21,8 @@ void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn, con
   std::copy_n(own.data(), 3, to.H[i].begin() + 9);
 }
 
-}  // namespace truepose::registration_detail
+}  // namespace
 
-namespace truepose {
 Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   if (is_rotational(mobility) || is_mechanism(mobility)) {
     Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
@@ -55,7 +53,7 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
         about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
         result.blunt = 1 / sqrt(level2);
       }
-      registration_detail::enter_turn(mobility, by, turn, about, i, result);
+      enter_turn(mobility, by, turn, about, i, result);
     }
   }
   return result;
@@ -84,8 +82,7 @@ void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen&
     const double sine = sqrt(a.x() * a.x() + a.y() * a.y());  // no hypot: glibc 2.35
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
-    registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
-                                    i, expected);
+    enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine, i, expected);
     apart[i] *= sine;
   }
 }
@@ -114,9 +111,15 @@ Mat3 nearest_rotation(const Mat3& A) {
   return outer(u, v) + outer(u2, v2) + outer(u.cross(u2), v.cross(v2));
 }
 
-}  // namespace truepose
+namespace {
+/// A marker's place by the robot and as measured at a row.
+struct Pair {
+  Vec3 from, to;
+  int line;
+  double weight = 1;
+};
 
-namespace truepose::registration_detail {
+/// The marker's orientation from measured ones; `known` where there are none.
 Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
                  const std::vector<Pair>& pairs, const Pose* pose, const double* measured) {
   const int n = dof(mobility);
@@ -134,13 +137,12 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
   return sum.norm() > 0 ? nearest_rotation(sum) : known;
 }
 
-}  // namespace truepose::registration_detail
+}  // namespace
 
-namespace truepose {
 Registration registered(Mobility mobility, const Registration& known, bool movable, bool turning,
                         int count, const Pose* pose, const Status* status, const double* measured) {
   if (is_rotational(mobility) || is_mechanism(mobility)) return known;
-  std::vector<registration_detail::Pair> pairs;
+  std::vector<Pair> pairs;
   Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
   for (int k : range(count)) {
     if (status[k] != Status::ok) continue;
@@ -195,8 +197,7 @@ Registration registered(Mobility mobility, const Registration& known, bool movab
     if (round > 10 && step.norm() < 1e-5) break;
   }
   if (turning)
-    result.marker.R = registration_detail::marker_turn(mobility, result.base.R, known.marker.R,
-                                                       pairs, pose, measured);
+    result.marker.R = marker_turn(mobility, result.base.R, known.marker.R, pairs, pose, measured);
   return result;
 }
 }  // namespace truepose

@@ -301,17 +301,12 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
 Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
                     ControlSettings& settings) {
   const int motors = robot.motors;
-  Closure closure;
-  Jacobians jacobians;
-  DynamicModel model;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
-  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+  AtRest at;
+  Outcome outcome = at.find(robot, to_pose(robot.mobility, x));
   if (!outcome) return outcome;
-  const auto inertia = joint_inertia(model, jacobians.J);
   for (int m : range(motors)) {
     // The error is in readings, the torque is the motor's own.
-    const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
+    const Real of = settings.gains == Gains::inertia ? 1 : at.model.slope[m] * at.inertia[m][m];
     settings.kp[m] = of * frequency * frequency;
     settings.kd[m] = 2 * damping * of * frequency;
   }

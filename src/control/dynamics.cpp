@@ -191,8 +191,7 @@ Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates
   Closure closure;
   Jacobians jacobians;
   DynamicModel model;
-  Outcome outcome = ikm(robot, pose, closure, false);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  Outcome outcome = jacobian_at(robot, pose, closure, jacobians, false);
   if (outcome) outcome = dynamic_model(robot, closure, rate, model, &acceleration);
   if (!outcome) return outcome;
   torque = motor_torques(model.n, model.motors, jacobians.J, model.bias, model.slope);

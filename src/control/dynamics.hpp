@@ -43,6 +43,26 @@ Joint inverse_dynamics(const DynamicModel& model, const Square& J, const Coordin
 /// Joint inertia JᵀMJ, of the motors' readings.
 Square joint_inertia(const DynamicModel& model, const Square& J);
 
+/// The model at a pose at rest.
+struct AtRest {
+  Jacobians jacobians;
+  Closure closure;
+  DynamicModel model;
+  Square inertia;  ///< of the motors
+
+  Outcome find(const Robot& robot, const Pose& pose) {
+    Outcome outcome = jacobian_at(robot, pose, closure, jacobians);
+    if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+    if (outcome) inertia = joint_inertia(model, jacobians.J);
+    return outcome;
+  }
+  /// Speed of the reference point (on passive axes: of the axes) per speed of a motor.
+  Real lever(int motor) const {
+    return sqrt(sum_of(positions_of(closure.carried.mobility),
+                       [&](int j) { return jacobians.J[j][motor] * jacobians.J[j][motor]; }));
+  }
+};
+
 /// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) to
 /// keep the integration regular; a robot at rest creeps below that speed.
 inline constexpr Real kStiction = 1e-3;

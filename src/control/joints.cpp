@@ -20,8 +20,7 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   if (!all_finite(motors.velocity, m) || !all_finite(motors.torque, m)) return {Status::not_finite};
   Closure closure;
   Jacobians at;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
-  if (outcome) outcome = jacobian(closure, at);
+  const Outcome outcome = jacobian_at(robot, to_pose(robot.mobility, x), closure, at, false);
   if (!outcome) return outcome;
   joints = {};
   std::copy_n(x.begin(), n, joints.position.begin());
@@ -47,11 +46,9 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   Jacobians at;
   AxisCommand result;
   Outcome outcome = command(Level::ideal, robot, desired, result.state.position);
-  if (outcome) outcome = ikm(robot, desired, closure, false);
-  if (outcome) outcome = jacobian(closure, at);
+  if (outcome) outcome = jacobian_at(robot, desired, closure, at, false);
   if (outcome) result.state.velocity = at.joint_rate(free(wanted.state.velocity));
-  if (outcome) outcome = ikm(robot, now, closure, false);
-  if (outcome) outcome = jacobian(closure, at);
+  if (outcome) outcome = jacobian_at(robot, now, closure, at, false);
   if (!outcome) return outcome;
   const Coordinates away = difference(robot.mobility, desired, now);
   for (int j : range(robot.motors)) {

@@ -2,35 +2,64 @@
 // of a stop.
 #include "control/limit_defaults.hpp"
 
-namespace truepose::safety_detail {
-Unmarked::Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace,
-                   Real rests) {
-  const Real T = limits.period;
-  Real error = 0, pushed = 0, seen = 0;  // of that motor
-  while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
-    ++cycles;
-    const Real next = max(pace * cycles - rests, Real{0});
-    pushed += T * kp * next + kd * (next - error);
-    seen += T * pushed;
-    error = next;
-    gained += T * (kp * cycles * T + kd) * speed;
-    way += T * gained;
-  }
-}
+namespace truepose {
+namespace {
+using namespace safety_detail;
 
+/// Frozen cycles until the loop opens, and the speed and way of the platform by the loop until
+/// then, without a mark of the frames. @param pace  of the motor that is fastest in counts, over
+/// its `still`
+struct Unmarked {
+  int cycles = 0;
+  Real gained = 0, way = 0;
+  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests) {
+    const Real T = limits.period;
+    Real error = 0, pushed = 0, seen = 0;  // of that motor
+    while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
+      ++cycles;
+      const Real next = max(pace * cycles - rests, Real{0});
+      pushed += T * kp * next + kd * (next - error);
+      seen += T * pushed;
+      error = next;
+      gained += T * (kp * cycles * T + kd) * speed;
+      way += T * gained;
+    }
+  }
+};
+
+/// A motor's travel: between its stops; without stops a quarter turn, or the rod's length.
 Real travel(const Chain& chain) {
   if (isfinite(chain.low) && isfinite(chain.high)) return chain.high - chain.low;
   if (chain.actuator == Actuator::revolute) return kPi / 2;
   return chain.rod > 0 ? chain.rod : 1;
 }
-}  // namespace truepose::safety_detail
+/// Least speed of the fastest motor over its `still`, per speed of the platform: of 13 directions.
+Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimits& limits) {
+  Real least = INFINITY;
+  for (int direction : range(1, 27)) {
+    std::array<Real, 3> d{};
+    Real size = 0, most = 0;
+    for (int j = 0, code = direction; j < positions_of(robot.mobility); ++j, code /= 3) {
+      d[j] = code % 3 - 1;
+      size += d[j] * d[j];
+    }
+    if (size == 0) continue;
+    for (int i : range(robot.motors)) {
+      Real rate = 0;
+      for (int j : range(positions_of(robot.mobility))) rate += model.k[i][j] * d[j];
+      most = max(most, fabs(rate) / limits.still[i] / sqrt(size));
+    }
+    least = min(least, most);
+  }
+  return least;
+}
+}  // namespace
 
-namespace truepose {
 Outcome default_limits(const Robot& robot, const ControlSettings& settings, SafetyLimits& limits) {
   const int n = dof(robot.mobility), motors = robot.motors;
-  safety_detail::AtHome home;
+  AtRest home;
   Extended most{};
-  Outcome outcome = home.find(robot);
+  Outcome outcome = home.find(robot, to_pose(robot.mobility, robot.home));
   if (outcome) outcome = fastest(robot, robot.home, most);
   if (!outcome) return outcome;
   limits = {};
@@ -52,7 +81,7 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
     limits.slew[i] = 2 * torque / kReaction;
     limits.tracking[i] = torque / kp;
     limits.deviation[i] = limits.tracking[i] + (corrects ? kUncalibrated / home.lever(i) : 0);
-    limits.speed[i] = sqrt(most[i] * safety_detail::travel(chain));
+    limits.speed[i] = sqrt(most[i] * travel(chain));
     limits.count[i] = chain.encoder_step + 8 * sqrt(2.0) * chain.encoder_noise;
     limits.count[i] += by_precision(1e-9, 1e-5);  // rounding
     const Real per_cycle = 0.1 * limits.speed[i] * settings.period;
@@ -98,36 +127,11 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
   limits.standstill = max(rest, settings.period);
   return consistent(limits, motors, n);
 }
-}  // namespace truepose
 
-namespace truepose::safety_detail {
-Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimits& limits) {
-  Real least = INFINITY;
-  for (int direction : range(1, 27)) {
-    std::array<Real, 3> d{};
-    Real size = 0, most = 0;
-    for (int j = 0, code = direction; j < positions_of(robot.mobility); ++j, code /= 3) {
-      d[j] = code % 3 - 1;
-      size += d[j] * d[j];
-    }
-    if (size == 0) continue;
-    for (int i : range(robot.motors)) {
-      Real rate = 0;
-      for (int j : range(positions_of(robot.mobility))) rate += model.k[i][j] * d[j];
-      most = max(most, fabs(rate) / limits.still[i] / sqrt(size));
-    }
-    least = min(least, most);
-  }
-  return least;
-}
-}  // namespace truepose::safety_detail
-
-namespace truepose {
 Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool marked, Real speed,
                           Real& distance) {
-  using namespace safety_detail;
-  AtHome home;
-  const Outcome outcome = home.find(robot);
+  AtRest home;
+  const Outcome outcome = home.find(robot, to_pose(robot.mobility, robot.home));
   if (!outcome) return outcome;
   Real mass = 0, per_work = 0, kp = 0, kd = 0, dither = 0, rests = 0;
   for (int j : range(positions_of(robot.mobility)))  // Gershgorin
@@ -160,11 +164,10 @@ Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathN
   Closure closure;
   Jacobians jacobians;
   Joint torque{};
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, setpoint.x), closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  const Pose pose = to_pose(robot.mobility, setpoint.x);
+  Outcome outcome = jacobian_at(robot, pose, closure, jacobians);
   if (outcome)
-    outcome = inverse_dynamics(robot, to_pose(robot.mobility, setpoint.x), setpoint.rate,
-                               setpoint.acceleration, torque);
+    outcome = inverse_dynamics(robot, pose, setpoint.rate, setpoint.acceleration, torque);
   if (!outcome) return outcome;
   const Joint rate = jacobians.joint_rate(setpoint.rate);
   for (int i : range(robot.motors)) {

@@ -68,9 +68,8 @@ bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
       exp(-1 / (max(1, late.settings.every[sensor]) + max<Real>(late.settings.age[sensor], age)));
   return true;
 }
-}  // namespace truepose
-
-namespace truepose::late_detail {
+namespace {
+/// Motors' pose, and h there. @return no answer: their readings close no pose
 Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
   const int n = robot.motors;
   Extended fed{};  // sensors as expected: the parity is minus the change of h
@@ -99,16 +98,15 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
   }
   return {};
 }
-}  // namespace truepose::late_detail
+}  // namespace
 
-namespace truepose {
 Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   const int n = dof(robot.mobility), m = robot.motors;
   if (!robot.finished) return {Status::unfinished};
   const bool first = late.cycle == 0;
   for (int k = 0; first && k < robot.r; ++k)  // the initial turn
     late.expected[k] = isfinite(q_e[m + k]) ? q_e[m + k] : 0;
-  const Outcome placed = late_detail::locate_motors(robot, q_e, late);
+  const Outcome placed = locate_motors(robot, q_e, late);
   if (!placed && first) return placed;
   late.placed = bool(placed);
   for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
@@ -145,9 +143,6 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   ++late.cycle;
   return {};
 }
-}  // namespace truepose
-
-namespace truepose::late_detail {
 Real latency_variance(const Multirate& late, int sensor, const std::array<Real, kMaxDof>& since) {
   Real variance = 0;
   for (int i : range(kMaxDof)) {
@@ -156,15 +151,11 @@ Real latency_variance(const Multirate& late, int sensor, const std::array<Real, 
   }
   return variance;
 }
-}  // namespace truepose::late_detail
-
-namespace truepose {
 void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
   for (int k : range(robot.r)) {
     Real& sigma = known.sigma[robot.motors + k];
     if (late.is(k))
-      sigma = sqrt(sigma * sigma + late.noise[k] +
-                   late_detail::latency_variance(late, k, late.slowly[k]));
+      sigma = sqrt(sigma * sigma + late.noise[k] + latency_variance(late, k, late.slowly[k]));
   }
 }
 

@@ -13,8 +13,7 @@ Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyon
   Closure closure;
   Reading values;
   SensorRows jr;
-  Outcome outcome = ikm(robot, from, closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  Outcome outcome = jacobian_at(robot, from, closure, jacobians);
   if (outcome) outcome = rkm(robot, closure, values, jr);
   if (!outcome) return outcome;
   extend(robot, closure.q(), values, expected);

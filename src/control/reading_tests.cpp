@@ -85,8 +85,7 @@ void MonitoredCycle::extrapolate_delayed() {
   const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
   for (int c : range(rows)) {
     if (delayed(c))
-      noise[c] =
-          motors ? noise[c] + late_detail::latency_variance(*late, c - n, late->before[c - n]) : 1;
+      noise[c] = motors ? noise[c] + latency_variance(*late, c - n, late->before[c - n]) : 1;
     else if (c < n && leaves_track(c, innovation[c]))
       monitor.reading[c].left_track = monitor.cycle;
   }

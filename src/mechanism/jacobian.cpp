@@ -84,9 +84,9 @@ Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
 Outcome note_assembly(Robot& robot) {
   if (is_mechanism(robot.mobility)) return note_home(robot);
   Closure closure;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), closure);
   Jacobians jacobians;
-  if (outcome) outcome = jacobian(closure, jacobians);
+  const Outcome outcome =
+      jacobian_at(robot, to_pose(robot.mobility, robot.home), closure, jacobians);
   if (outcome) robot.assembly_sign = jacobians.sign;
   return outcome ? within_limits(robot, closure.pose, closure.q()) : outcome;
 }

@@ -46,6 +46,13 @@ Unknowns inverse_rows(const Closure& closure, Square& K);
 /// of J_q vanishes (type 1: the arm of `chain` is stretched or folded), with J_x and J_q.
 Outcome jacobian(const Closure& closure, Jacobians& jacobians);
 
+/// The same at any pose. @param angle  as of ikm
+inline Outcome jacobian_at(const Robot& robot, const Pose& pose, Closure& closure,
+                           Jacobians& jacobians, bool angle = true) {
+  const Outcome outcome = ikm(robot, pose, closure, angle);
+  return outcome ? jacobian(closure, jacobians) : outcome;
+}
+
 /// Twist J v of the platform for rates v of the readings.
 Coordinates pose_rate(const Jacobians& at, const Joint& rate);
 
