@@ -54,7 +54,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   result.rms = sqrt(chi2 / redundancy);
   result.used = int(std::count(fit.status.begin(), fit.status.end(), Status::ok));
   for (int k = 0; result.value && k < p; ++k) result.value[k] = fit.xi[prior.column[k]];
-  if (result.covariance) std::copy_n(fit.covariance.data(), p * p, result.covariance);
+  if (result.covariance) copy_first(p * p, fit.covariance.data(), result.covariance);
   fill(result.chi2, fit.chi2);
   for (int k : range(log.rows)) {
     const bool found = fit.status[k] == Status::ok;

@@ -16,9 +16,9 @@ void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn, con
                 int i, Seen& to) {
   free_row({mobility, dof(mobility), {}, {}, {}, {}}, Vec3::Zero(), by.base.R.transpose() * about,
            to.H_x[i].data());
-  std::copy_n(about.data(), 3, to.H[i].begin() + 3);
+  copy_first(3, about, to.H[i].begin() + 3);
   const Vec3 own = turn.transpose() * about;
-  std::copy_n(own.data(), 3, to.H[i].begin() + 9);
+  copy_first(3, own, to.H[i].begin() + 9);
 }
 
 }  // namespace
@@ -34,7 +34,7 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
   Seen result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
   const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
-    std::copy_n(value.data(), 3, row.begin() + first);
+    copy_first(3, value, row.begin() + first);
   };
   for (int i : range(dof(mobility))) {
     auto& row = result.H[i];
@@ -69,7 +69,7 @@ Coordinates innovation(Mobility mobility, const Seen& expected, const double* me
   if (mobility == Mobility::spatial) {
     const Vec3 turn =
         log_so3(exp_so3(Vec3(measured[3], measured[4], measured[5])) * expected.Q.transpose());
-    std::copy_n(turn.data(), 3, apart.begin() + 3);
+    copy_first(3, turn, apart.begin() + 3);
   }
   return apart;
 }

@@ -15,9 +15,9 @@ namespace {
 Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference& reference, int r) {
   const int n = reference.jacobians.n, m = reference.jacobians.motors;
   Extended result{};
-  std::copy_n(rate.begin(), m, result.begin());
+  copy_first(m, rate, result);
   const Coordinates twist = pose_rate(reference.jacobians, rate);
-  if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
+  if (corrects == Corrects::pose) copy_first(n, twist, result);
   if (corrects == Corrects::readings)
     for (int k : range(r))
       for (int i : range(n)) result[m + k] += reference.jr[k][i] * twist[i];
@@ -67,11 +67,11 @@ class ControlCycle {
   /// of its errors: of the motors, of all readings, or of the estimated pose (so θ is damped by its
   /// own, finer counts). The TEJ's own rate is left out: of second order in the error.
   void measure() {
-    std::copy_n(q_e_.begin(), readings(), measured_.begin());
+    copy_first(readings(), q_e_, measured_);
     joint_rate_ = reference_.jacobians.joint_rate(setpoint_.rate);
     if (!posed()) return;
     const Coordinates x = to_coordinates(robot_.mobility, found_);
-    std::copy_n(x.begin(), n, measured_.begin());
+    copy_first(n, x, measured_);
   }
 
   /// After a switch of law or readings the error keeps its value and rate, and the jump is led out.
@@ -188,10 +188,10 @@ class ControlCycle {
     if (robot_.mobility == Mobility::spatial)
       if (posed()) {
         Coordinates last{};
-        std::copy_n(state_.position.begin(), n, last.begin());
+        copy_first(n, state_.position, last);
         from = to_pose(robot_.mobility, last);
         const Coordinates step = difference(robot_.mobility, found_, from);
-        std::copy_n(step.begin(), n, measured_.begin());
+        copy_first(n, step, measured_);
         state_.position.fill(0);
       }
     return from;
@@ -200,9 +200,9 @@ class ControlCycle {
     if (robot_.mobility == Mobility::spatial)
       if (posed()) {
         Coordinates step{};
-        std::copy_n(state_.position.begin(), n, step.begin());
+        copy_first(n, state_.position, step);
         const Coordinates x = to_coordinates(robot_.mobility, moved(robot_.mobility, from, step));
-        std::copy_n(x.begin(), n, state_.position.begin());
+        copy_first(n, x, state_.position);
       }
   }
 

@@ -6,7 +6,7 @@ namespace {
 /// The joints' values as coordinates.
 Coordinates free(const Joint& of) {
   Coordinates values;
-  std::copy_n(of.begin(), kMaxDof, values.begin());
+  copy_first(kMaxDof, of, values);
   return values;
 }
 }  // namespace
@@ -23,7 +23,7 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   const Outcome outcome = jacobian_at(robot, to_pose(robot.mobility, x), closure, at, false);
   if (!outcome) return outcome;
   joints = {};
-  std::copy_n(x.begin(), n, joints.position.begin());
+  copy_first(n, x, joints.position);
   for (int i : range(n))
     for (int j : range(m)) {
       joints.velocity[i] += at.J[i][j] * motors.velocity[j];

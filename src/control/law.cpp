@@ -222,11 +222,10 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
   *cycle = {};
   cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
   cycle->error = e;
-  for (int i : range(n)) std::copy_n(reference.jacobians.J[i].begin(), m, cycle->J[i].begin());
+  for (int i : range(n)) copy_first(m, reference.jacobians.J[i], cycle->J[i]);
   for (int i : range(m)) {
     cycle->q_d[i] = reference.q_e[i];
-    if (corrects == Corrects::readings)
-      std::copy_n(reference.tej[i].begin(), m + robot.r, cycle->tej[i].begin());
+    if (corrects == Corrects::readings) copy_first(m + robot.r, reference.tej[i], cycle->tej[i]);
   }
   return regular;
 }

@@ -73,8 +73,8 @@ namespace {
 Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
   const int n = robot.motors;
   Extended fed{};  // sensors as expected: the parity is minus the change of h
-  std::copy_n(q_e.begin(), n, fed.begin());
-  std::copy_n(late.expected.begin(), robot.r, fed.begin() + n);
+  copy_first(n, q_e, fed);
+  copy_first(robot.r, late.expected, fed.begin() + n);
   Pose near = moved(robot.mobility, late.pose, late.motion);
   Outcome outcome;
   if (!late.placed) {

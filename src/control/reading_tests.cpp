@@ -79,7 +79,7 @@ void MonitoredCycle::extrapolate(int c, Symptom symptom) {
 
 void MonitoredCycle::extrapolate_delayed() {
   Extended by = q_e;
-  std::copy_n(believed.begin(), n, by.begin());
+  copy_first(n, believed, by);
   if (!compensate_latency(robot, *late, by)) return;
   std::copy_n(by.begin() + n, r, q_e.begin() + n);
   const bool motors = motors_valid();  // a delayed reading cannot substitute a motor

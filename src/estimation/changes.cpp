@@ -91,7 +91,7 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
   Real *F = work, *gain = F + r * p;
   Innovations made;
   made.r = r;
-  std::copy_n(row.e, r, made.y.begin());
+  copy_first(r, row.e, made.y);
   std::copy_n(row.B, r * p, F);
   const Outcome finite = innovate(window.filter, row.about, row.curvature, F, made);
   ++window.rows;

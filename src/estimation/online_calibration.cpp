@@ -86,7 +86,7 @@ Outcome Cycle::innovations(int without) {
         !eliminate(n, row.rows, row.R, work.B, last ? state.count : 0, row.e))
       return {Status::singular};
     Coordinates step{};
-    std::copy_n(row.e.begin(), n, step.begin());
+    copy_first(n, row.e, step);
     back_substitute(n, row.R, step);
     if (!all_finite(step, n)) return {Status::not_finite};
     pose = moved(robot.mobility, pose, step);
@@ -95,7 +95,7 @@ Outcome Cycle::innovations(int without) {
   const Real curvature = settings.linearised ? 0 : kCurvature * coarsest;
   const Real* about = settings.linearised ? settings.linearised : state.xi;
   made.r = row.rows - n;
-  std::copy_n(row.e.begin() + n, made.r, made.y.begin());
+  copy_first(made.r, row.e.begin() + n, made.y);
   if (whole && state.window) {
     Equations equations{made.r,        row.rows, work.F,  work.G + n * row.rows,
                         made.y.data(), about,    nullptr, curvature};

@@ -140,7 +140,7 @@ Outcome advance(Level level, OnlineCalibrator& calibrator) {
   Window& window = *state.window;
   const int m = readings(*calibrator.drawn);
   Extended q_e{};
-  std::copy_n(window.stored + window.next * m, m, q_e.begin());
+  copy_first(m, window.stored + window.next * m, q_e);
   const bool stopped = state.test.stopped;
   const Outcome outcome = process(level, calibrator, q_e);
   ++window.next;
@@ -207,7 +207,7 @@ Outcome calibrate_online(Level level, OnlineCalibrator& calibrator, const Extend
     if (window->last == 0) begin_window(calibrator);
     if (news && !all_finite(q_e, m)) return {Status::not_finite};
     if (window->last == kStored) news = false;  // no room yet: the row is new in the next cycle
-    if (news) std::copy_n(q_e.begin(), m, window->stored + window->last++ * m);
+    if (news) copy_first(m, q_e, window->stored + window->last++ * m);
     if (!replaying(calibrator)) {
       const Outcome believed = publish(level, calibrator);
       return believed ? outcome : believed;

@@ -36,6 +36,12 @@ struct range {
   constexpr bool operator!=(int end) const { return at < end; }
 };
 
+/// Copies the first n entries of an array.
+template <class From, class To>
+constexpr void copy_first(int n, const From& from, To&& to) {
+  for (int i : range(n)) to[i] = from[i];
+}
+
 /// term(0) + term(1) + … + term(count - 1).
 template <class F>
 constexpr Real sum_of(int count, F&& term) {

@@ -102,7 +102,7 @@ Unknowns Factors::column(int j) const {
 void Factors::invert(Square& inverse) const {
   for (int j : range(rows_)) {
     if (small_) {
-      std::copy_n(lu_[j].begin(), n_, inverse[j].begin());
+      copy_first(n_, lu_[j], inverse[j]);
       continue;
     }
     const Unknowns by = column(j);

@@ -118,11 +118,11 @@ engine::Row stand(const Robot& robot, const Built& built, const Joint& q, const 
   Real* x = y.data() + m.motors;
   if (built.layout == Layout::free) {
     const Vec3 w = log_so3(pose.R);
-    std::copy_n(pose.D.data(), 3, x);
-    std::copy_n(w.data(), 3, x + 3);
+    copy_first(3, pose.D, x);
+    copy_first(3, w, x + 3);
   } else {
     const Coordinates coordinates = to_coordinates(robot.mobility, pose);
-    std::copy_n(coordinates.begin(), m.coordinates, x);
+    copy_first(m.coordinates, coordinates, x);
   }
   std::fill(y.begin() + built.turn, y.begin() + m.freedoms, -pose.theta);
   return y;

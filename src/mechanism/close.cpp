@@ -7,7 +7,7 @@ namespace {
 /// Moves the unknown freedoms by -step; a ball by a small turn.
 void move(const Mechanism& mechanism, const Position& from, const Freedoms& unknown,
           const Unknowns& step, Position& to) {
-  std::copy_n(from.y.begin(), mechanism.freedoms, to.y.begin());
+  copy_first(mechanism.freedoms, from.y, to.y);
   for (int j : range(unknown.count)) to.y[unknown.index[j]] -= step[j];
   for (int b : range(mechanism.bodies)) {
     if (mechanism.body[b].kind != Kind::ball) continue;
@@ -16,7 +16,7 @@ void move(const Mechanism& mechanism, const Position& from, const Freedoms& unkn
     const Vec3 turn = Vec3(to.y[first], to.y[first + 1], to.y[first + 2]) - w;
     if (turn.squaredNorm() == 0) continue;
     const Vec3 turned = log_so3(exp_so3(turn) * exp_so3(w));
-    std::copy_n(turned.data(), 3, to.y.begin() + first);
+    copy_first(3, turned, to.y.begin() + first);
   }
 }
 

@@ -24,7 +24,7 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
     if (!end.regular) return false;
     const Unknowns step = equations.solve(gap.data());
     Coordinates motion{};
-    std::copy_n(step.begin(), n, motion.begin());
+    copy_first(n, step, motion);
     moves = 0;
     for (int j : range(n)) moves = max(moves, fabs(motion[j]));
     at.place(robot, driven, moved(robot.mobility, at.pose, motion));
@@ -59,7 +59,7 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
       [&](const Loops& at, const Factors& factors, Loops& after) {
         const Unknowns step = factors.solve(at.f.data());
         Coordinates motion;
-        std::copy_n(step.begin(), n, motion.begin());
+        copy_first(n, step, motion);
         after.place(robot, driven, moved(robot.mobility, at.pose, motion));
       },
       m > n ? kSettled : 0);

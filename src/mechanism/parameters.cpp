@@ -231,7 +231,7 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
   const engine::Equations equations(m, at, unknown);
   if (!equations.regular()) return {Status::singular};
   Readings by(robot, built, at, theta, g);
-  for (int c : range(by.count)) std::copy_n(by.e[c].begin() + by.m, by.n, H_x[c].begin());
+  for (int c : range(by.count)) copy_first(by.n, by.e[c].begin() + by.m, H_x[c]);
   // e_u u, for a motion u of the unknown freedoms
   const auto seen = [&](int c, const Unknowns& u) {
     return sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });

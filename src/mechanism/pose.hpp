@@ -76,8 +76,8 @@ Twist to_twist(const Carried& carried, const Coordinates& rate);
 
 /// The row [linear, angular] itself: along all six twists.
 inline void twist_row(const Vec3& linear, const Vec3& angular, Real* row) {
-  std::copy_n(linear.data(), 3, row);
-  std::copy_n(angular.data(), 3, row + 3);
+  copy_first(3, linear, row);
+  copy_first(3, angular, row + 3);
 }
 
 /// The row [linear, angular] T along the platform's free twists.

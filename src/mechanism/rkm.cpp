@@ -48,7 +48,7 @@ Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorR
 
 Joint motors_of(const Robot& robot, const Extended& q_e) {
   Joint q{};
-  std::copy_n(q_e.begin(), robot.motors, q.begin());
+  copy_first(robot.motors, q_e, q);
   return q;
 }
 }  // namespace truepose

@@ -41,7 +41,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     Coordinates at;
     at.fill(NAN);
     if (!result.xi.empty() && status[i] == 0) at = to_coordinates(drawn.mobility, result.pose[i]);
-    std::copy_n(at.begin(), x.cols(), x[i]);
+    copy_first(x.cols(), at, x[i]);
   }
   const RowMatrix link(int(result.link.size()), 4,
                        reinterpret_cast<const double*>(result.link.data()));

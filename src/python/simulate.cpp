@@ -52,7 +52,7 @@ nb::object changed(const Rows& q_e,
   const auto next = [&](std::size_t i, auto& out) {
     Extended now = row<Extended>(q_e, i);
     change(i, now);
-    std::copy_n(now.begin(), width, out[0]);
+    copy_first(width, now, out[0]);
     return Outcome{};
   };
   return batch(q_e.shape(0), {{width}}, next, kInOrder)[0];
@@ -197,7 +197,7 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   std::vector<int> seen;
   for (const AssemblyMode& mode : modes) {
     const Coordinates at = to_coordinates(robot.mobility, mode.pose);
-    std::copy_n(at.begin(), x.cols(), x[int(seen.size())]);
+    copy_first(x.cols(), at, x[int(seen.size())]);
     seen.push_back(mode.seen);
   }
   return nb::make_tuple(x, seen);

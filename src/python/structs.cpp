@@ -112,7 +112,7 @@ RowMatrix rod_rows(const Robot& robot, bool full) {
       full ? full_rows(robot, rows) : ikm(robot, to_pose(robot.mobility, robot.home), closure);
   for (int i = 0; i < result.rows() && outcome; ++i)
     if (full)
-      std::copy_n(rows[i].begin(), result.cols(), result[i]);
+      copy_first(result.cols(), rows[i], result[i]);
     else
       jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, result[i]);
   return result;
@@ -178,7 +178,7 @@ void bind_robot(nb::module_& m) {
              const engine::Mechanism& of = robot.mechanism;
              engine::Position at;
              at.y = of.home;
-             std::copy_n(robot.home.begin(), of.coordinates, at.y.begin() + of.motors);
+             copy_first(of.coordinates, robot.home, at.y.begin() + of.motors);
              const engine::Check found = engine::check(of, at);
              std::vector<double> gap;
              for (int i = 0; i < of.closures && found.flaw == engine::Flaw::open; ++i)
