@@ -81,8 +81,9 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
       (monitor.undecided || !(fabs(still.driven.way) > tolerated_motion(c, kStoodBy))))
     return;
   if (motor_stands(c, model(c) - still.model + still.driven.way)) return;
+  if (!still.stuck)
+    reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
   still.stuck = true;
-  reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
   if (!delayed(c) && !monitor.undecided) return;
   reading.health = Health::failed;
   reading.symptom = Symptom::stuck;

@@ -16,7 +16,7 @@ class Ldlt {
   /// Factorises A, rows of `stride`. size[j] is what A[j][j] would be without cancellation: the
   /// unit of pivot j, which makes the test of singularity independent of metres and radians.
   Ldlt(int n, const Real* A, int stride, const Real* size) : n_(n) {
-    for (int j : range(n)) {
+    for (int j = 0; j < n; ++j) {  // so written, gcc sees what is initialised
       const Real* row = A + j * stride;
       Real pivot = row[j], scaled[kMaxUnknowns];  // scaled: row j of L D
       for (int k = 0; k < j; ++k) {
@@ -26,7 +26,7 @@ class Ldlt {
       regular_ = regular_ && pivot > kSingular * size[j];  // false for a NaN
       d_[j] = pivot;
       inverse_[j] = 1 / pivot;
-      for (int i : range(j + 1, n)) {
+      for (int i = j + 1; i < n; ++i) {
         Real sum = A[i * stride + j];
         for (int k = 0; k < j; ++k) sum -= l_[i][k] * scaled[k];
         l_[i][j] = sum * inverse_[j];
