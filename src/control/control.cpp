@@ -291,7 +291,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   if (outcome) {
     cycle.complete();
   } else {
-    const Ongoing search = state.nearby.search;
+    const PoseSearch search = state.nearby.search;
     state = before;
     state.nearby.search = search;
   }

@@ -94,34 +94,34 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
 }
 
 /// x̂ of the estimated law.
-Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, const Extended& q_e,
-             Ongoing& on, Pose& found) {
+Outcome search_pose(const Robot& robot, const Weighing& weighing, Reference reference,
+                    const Extended& q_e, PoseSearch& on, Pose& found) {
   if (reference.mark && on.steps < 0) {
     const Pose& desired = reference.closure.pose;
     Outcome near = find_by_cache(robot, weighing, reference, q_e, reference.rest, found);
     const int left = reference.rest.left;
-    if (near) end(robot, desired, found, false, on);
+    if (near) note_found(robot, desired, found, false, on);
     // The next cycle searches with fresh weights.
     else if (left != kUncounted)
-      near = go_on(robot, desired, found, 0, on, found);
+      near = note_unfinished(robot, desired, found, 0, on, found);
     on.left = left;
     if (near || left != kUncounted) return near;
   }
   ReadingCovariance C;
   const Outcome outcome = fresh_weights(robot, weighing, reference, C);
   const Expected desired{reference.closure.pose, reference.q_e, reference.H_x};
-  return outcome ? find(robot, *weighing.known, C, desired, q_e, reference.rest, on, found)
+  return outcome ? search_pose(robot, *weighing.known, C, desired, q_e, reference.rest, on, found)
                  : outcome;
 }
 
 /// x̂ of a law of the pose; not inlined: its stack is none of the other laws'. @param on  as of
-/// `find`
+/// `search_pose`
 [[gnu::noinline]] Outcome found_pose(const Robot& robot, Law law, const Weighing& weighing,
-                                     const Reference& reference, const Extended& q_e, Ongoing& on,
-                                     Pose& found) {
+                                     const Reference& reference, const Extended& q_e,
+                                     PoseSearch& on, Pose& found) {
   if (law == Law::cartesian)
     return redundant_fkm(robot, q_e, reference.closure.pose, reference.rest, on, found);
-  return find(robot, weighing, reference, q_e, on, found);
+  return search_pose(robot, weighing, reference, q_e, on, found);
 }
 
 /// M⁺ of the reference; not inlined: M leaves the stack with it.
@@ -171,11 +171,11 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
 }
 
 Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
-                    Joint& error, Pose& found, const Weighing& weighing, Ongoing* search) {
+                    Joint& error, Pose& found, const Weighing& weighing, PoseSearch* search) {
   const int m = robot.motors;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
-    Ongoing alone;
+    PoseSearch alone;
     const Outcome outcome =
         found_pose(robot, law, weighing, reference, q_e, search ? *search : alone, found);
     if (outcome)

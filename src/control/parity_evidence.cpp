@@ -123,7 +123,7 @@ void MonitoredCycle::test_parity() {
     for (int c = 0; c < n && !monitor.undecided; ++c)
       if (monitor.doubted & bit(c) & ~without && monitor.reading[c].standstill.cycles >= kStill) {
         held |= bit(c);
-        driven = driven || monitor.reading[c].standstill.feigns();
+        driven = driven || monitor.reading[c].standstill.may_be_frozen();
         if (isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
       }
     for (int k : range(r))

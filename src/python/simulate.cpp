@@ -112,10 +112,10 @@ struct Given : Extras {
     }
     weighing = own, monitor_weighing = monitored;
     if (!of.online) return;
-    learner = &(*of.online)->begin(of.nominal);
-    own.weigh(of.nominal, learner->knowledge());
+    calibrator = &(*of.online)->begin(of.nominal);
+    own.weigh(of.nominal, calibrator->knowledge());
     weighing = monitor_weighing = own;
-    tolerant.finest = &learner->robot;
+    tolerant.finest = &calibrator->robot;
   }
 };
 

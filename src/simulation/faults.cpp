@@ -8,7 +8,7 @@ FaultyReadings::FaultyReadings(const std::vector<Fault>& faults, double period, 
 }
 
 void FaultyReadings::make_faulty(double time, Extended& q_e) {
-  for (State& state : state_) lie(time, state, q_e);
+  for (State& state : state_) apply(time, state, q_e);
 }
 
 bool FaultyReadings::frozen(double time) const {
@@ -27,7 +27,7 @@ bool FaultyReadings::acts(double time, const Fault& fault) {
   return time >= fault.begin - kClock && time < fault.end - kClock;
 }
 
-void FaultyReadings::lie(double time, State& state, Extended& q_e) {
+void FaultyReadings::apply(double time, State& state, Extended& q_e) {
   const Fault& fault = state.fault;
   const double healthy = q_e[fault.reading];
   double& read = q_e[fault.reading];

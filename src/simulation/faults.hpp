@@ -107,7 +107,7 @@ class FaultyReadings {
 
   static bool acts(double time, const Fault& fault);
 
-  void lie(double time, State& state, Extended& q_e);
+  void apply(double time, State& state, Extended& q_e);
 
   /// Records a reading; before the first one the robot was at rest.
   void remember(double healthy, State& state) const;

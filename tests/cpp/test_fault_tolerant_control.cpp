@@ -278,7 +278,7 @@ TEST_EACH(for_each,
     prepare(fault_settings.monitor);
     FaultyReadings faults({{kind, 0, 0, 0.3, 0.06}}, settings.period);
     Extras extras{prior.weighing()};
-    extras.learner = &learner;
+    extras.calibrator = &learner;
     extras.faults = &faults;
     extras.fault_settings = &fault_settings;
     extras.monitor_weighing = prior.weighing();
