@@ -13,7 +13,7 @@ Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepos
     return {Status::no_such_part};
   for (int k = 0; log.measured && k < dof(robot.mobility); ++k)
     if (!(log.measured_sigma[k] > 0)) return {Status::no_such_value, k};
-  for (int k = 0; k < robot.motors + robot.r; ++k)
+  for (int k : range(robot.motors + robot.r))
     if (!(prior.sigma[k] > 0)) return {Status::no_such_value, k};
   return columns_exist(robot, prior, 1);
 }
@@ -44,22 +44,22 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   if (!fit.outcome) return fit.outcome;
   int redundancy = 0;
   double chi2 = 0;
-  for (int k = 0; k < log.rows; ++k)
+  for (int k : range(log.rows))
     if (fit.redundancy[k] > 0 && fit.weight[k] > 0)
       redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
   if (redundancy == 0) return {Status::not_measured};
   result.iterations = fit.iterations, result.cost = fit.cost;
-  result.rms = std::sqrt(chi2 / redundancy);
-  result.used = static_cast<int>(std::count(fit.status.begin(), fit.status.end(), Status::ok));
+  result.rms = sqrt(chi2 / redundancy);
+  result.used = int(std::count(fit.status.begin(), fit.status.end(), Status::ok));
   for (int k = 0; result.value && k < p; ++k) result.value[k] = fit.xi[prior.column[k]];
-  if (result.covariance) std::copy_n(fit.covariance.data(), p * p, result.covariance);
+  if (result.covariance) copy_first(p * p, fit.covariance.data(), result.covariance);
   fill(result.chi2, fit.chi2);
-  for (int k = 0; k < log.rows; ++k) {
+  for (int k : range(log.rows)) {
     const bool found = fit.status[k] == Status::ok;
-    if (result.status) result.status[k] = static_cast<std::int32_t>(fit.status[k]);
+    if (result.status) result.status[k] = std::int32_t(fit.status[k]);
     if (!result.x) continue;
     const Coordinates x = to_coordinates(drawn.mobility, fit.pose[k]);
-    for (int j = 0; j < n; ++j) result.x[k * n + j] = found ? x[j] : NAN;
+    for (int j : range(n)) result.x[k * n + j] = found ? x[j] : NAN;
   }
   return fit.outcome;
 }
@@ -82,9 +82,8 @@ truepose_outcome truepose_with_parameters(const truepose_model* drawn, int32_t c
   return with(drawn)([&](const Robot& robot) -> Outcome {
     std::vector<double> xi(parameter_count(robot));
     if (const Outcome outcome = drawn_parameters(robot, xi.data()); !outcome) return outcome;
-    for (int k = 0; k < count; ++k) {
-      if (column[k] < 0 || column[k] >= static_cast<int>(xi.size()))
-        return {Status::no_such_part, k};
+    for (int k : range(count)) {
+      if (column[k] < 0 || column[k] >= int(xi.size())) return {Status::no_such_part, k};
       xi[column[k]] = value[k];
     }
     Robot changed = robot;

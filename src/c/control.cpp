@@ -6,14 +6,14 @@ using namespace truepose;
 namespace truepose::c {
 namespace {
 /// Whether an enum, which C may have made, is one of `count` from 0.
-bool below(auto value, std::size_t count) { return static_cast<std::size_t>(value) < count; }
+bool below(auto value, std::size_t count) { return std::size_t(value) < count; }
 bool law_exists(Law law) { return below(law, kLawTable.size()); }
 }  // namespace
 
 Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least) {
   const int all = parameter_count(robot);
   if (known.count < least || known.count > all) return {Status::no_such_part};
-  for (int k = 0; k < known.count; ++k)
+  for (int k : range(known.count))
     if (known.column[k] < 0 || known.column[k] >= all) return {Status::no_such_part, k};
   return {};
 }
@@ -34,7 +34,7 @@ Outcome sound(const FaultMonitorSettings& s) {
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
   for (const Real number : {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held})
     good = good && number > 0;
-  for (int c = 0; c < kMaxReadings; ++c)
+  for (int c : range(kMaxReadings))
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
   return {good ? Status::ok : Status::no_such_value};
 }
@@ -48,14 +48,14 @@ namespace {
 void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
   const FaultMonitor& monitor = setup.state.monitor;
   *report = truepose_fault_report{};
-  for (int c = 0; c < kMaxReadings; ++c) {
-    report->health[c] = static_cast<std::int32_t>(monitor.reading[c].health);
-    report->symptom[c] = static_cast<std::int32_t>(monitor.reading[c].symptom);
+  for (int c : range(kMaxReadings)) {
+    report->health[c] = std::int32_t(monitor.reading[c].health);
+    report->symptom[c] = std::int32_t(monitor.reading[c].symptom);
   }
   report->doubted = monitor.doubted;
   report->lost = monitor.lost;
   report->brakes = setup.state.brakes;
-  report->stop_cause = static_cast<std::int32_t>(setup.state.cause);
+  report->stop_cause = std::int32_t(setup.state.cause);
   report->stops = setup.state.stops || monitor.undecided || monitor.lost != 0;
   const FaultMonitorSettings& settings = setup.settings.monitor;
   if (report->stops) report->stop = monitor.lost ? settings.stop_lost : settings.stop;
@@ -78,7 +78,7 @@ using namespace truepose::c;
 extern "C" {
 size_t truepose_work(const truepose_model* model, int32_t count) {
   const Robot* robot = held(model);
-  return robot ? static_cast<std::size_t>(estimate_work(*robot, std::max(count, int32_t{0}))) : 0;
+  return robot ? std::size_t(estimate_work(*robot, max(count, int32_t{0}))) : 0;
 }
 
 truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepose_real band,
@@ -201,7 +201,7 @@ truepose_outcome truepose_multirate_arrive(truepose_multirate* sensors, uint32_t
   return with(sensors)([&](SlowSensors& slow) {
     Multirate& late = slow.late;
     late.arrived = arrived & late.which;
-    for (int k = 0; k < kMaxSensors; ++k)
+    for (int k : range(kMaxSensors))
       if (late.arrived & late.settings.stamped & bit(k)) {
         if (time)
           stamp(late, k, time[k], now);

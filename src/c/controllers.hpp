@@ -1,8 +1,6 @@
 // Controllers and fault-tolerant controllers in memory from C callers, and their settings.
 #pragma once
 
-#include <algorithm>
-
 #include "c/model.hpp"
 
 namespace truepose::c {

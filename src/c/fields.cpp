@@ -1,13 +1,11 @@
 // The members of the structs of truepose.h that are the core's, by name: one table for each.
 #include "c/fields.hpp"
 
-#include <cmath>
-
 namespace truepose::c {
 void describe(const Robot& robot, truepose_description& description) {
   std::memcpy(&description, &robot, sizeof description);
   const auto end = [](auto& parts, int used) {
-    for (std::size_t k = static_cast<std::size_t>(used); k < std::size(parts); ++k) parts[k] = {};
+    for (std::size_t k = std::size_t(used); k < std::size(parts); ++k) parts[k] = {};
   };
   end(description.chain, robot.chains);
   end(description.sensor, robot.r);

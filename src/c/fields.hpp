@@ -12,6 +12,7 @@
 #include "c/each.hpp"
 #include "control/fault_tolerant_control.hpp"
 #include "control/joints.hpp"
+#include "estimation/changes.hpp"
 #include "estimation/estimate.hpp"
 #include "truepose/truepose.h"
 
@@ -63,8 +64,7 @@ template <class T>
 constexpr Field field(const char* name, std::size_t offset) {
   using S = Shape<T>;
   using Number = typename S::Number;
-  Field made{name,   static_cast<int>(offset), sizeof(Number), Numbers::whole, S::rows, S::columns,
-             nullptr};
+  Field made{name, int(offset), sizeof(Number), Numbers::whole, S::rows, S::columns, nullptr};
   if constexpr (requires { Described<Number>::fields; })
     made.numbers = Numbers::part, made.table = &table_of<Number>;
   else if constexpr (std::is_same_v<Number, Real>)
@@ -87,7 +87,7 @@ constexpr bool complete(std::span<const Field> fields, std::size_t end) {
     if (field.offset < at || field.offset - at >= field.width) return false;
     at = field.offset + field.count() * field.width;
   }
-  return at == static_cast<int>(end);
+  return at == int(end);
 }
 }  // namespace fields_detail
 
@@ -148,14 +148,15 @@ TRUEPOSE_TABLE(truepose_path_clock, PathClock, time, rate, slowing, since)
 static_assert(sizeof(truepose_axis_command) == sizeof(AxisCommand) &&
               sizeof(truepose_estimate_result) == sizeof(Estimate) &&
               sizeof(truepose_fkm_result) == sizeof(FkmResult) &&
-              sizeof(truepose_knowledge) == sizeof(Knowledge));
+              sizeof(truepose_knowledge) == sizeof(Knowledge) &&
+              sizeof(truepose_changes) == sizeof(ChangeSettings));
 
 /// A struct of the core as one of truepose.h, or back: its bytes, as many as both have.
 template <class To, class From>
 To converted(const From& from) {
   static_assert(std::is_trivially_copyable_v<To> && std::is_trivially_copyable_v<From>);
   To to;
-  std::memcpy(static_cast<void*>(&to), &from, std::min(sizeof to, sizeof from));
+  std::memcpy(static_cast<void*>(&to), &from, min(sizeof to, sizeof from));
   return to;
 }
 

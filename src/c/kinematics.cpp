@@ -18,7 +18,7 @@ void by_rows(const Mat3& R, truepose_real* rows) { out(R.transpose(), rows); }
 /// Whether all entries are within the tolerance of a rotation.
 bool vanishes(const auto& of) {
   for (std::size_t k = 0; k < sizeof of / sizeof(Real); ++k)
-    if (!(std::fabs(of.data()[k]) < kRotation)) return false;
+    if (!(fabs(of.data()[k]) < kRotation)) return false;
   return true;
 }
 Outcome rotates(const Mat3& R) {
@@ -67,8 +67,8 @@ Outcome mapped(const Robot& robot, const Coordinates& x, const From& given, To& 
   if (!outcome) return outcome;
   Square by{}, inverse{};  // Jᵀ, and its inverse, Kᵀ
   Unknowns size{};
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < m; ++j) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
+  for (int i : range(n))
+    for (int j : range(m)) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
   if (kToJoints && !invert(m, n, by, size, inverse)) return {Status::singular};
   for (int i = 0; i < (kToJoints ? n : m); ++i)
     result[i] = sum_of(kToJoints ? m : n,

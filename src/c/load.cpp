@@ -5,7 +5,7 @@ namespace truepose::c {
 namespace {
 static_assert(kSensorPart == 8 && kBodyPart == 20 && kAxisPart == 28);  // as in truepose.h
 
-bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
+bool unit(const Vec3& v) { return fabs(v.squaredNorm() - 1) < 1e-6; }
 
 /// Whether all numbers are finite; stops may be infinite, but not NaN.
 template <class Part>
@@ -23,7 +23,7 @@ bool good(const Chain& c) {
   bool all = c.low <= c.high && c.encoder_gain != 0 && c.eccentricity.gear != 0 &&
              c.rod_spacing >= 0 && (telescopic || (c.rod > 0 && unit(c.axis))) &&
              (!revolute || (c.arm > 0 && c.encoder_buildup == 0));
-  if (revolute) all = all && unit(c.zero) && std::fabs(c.axis.dot(c.zero)) < 1e-6;
+  if (revolute) all = all && unit(c.zero) && fabs(c.axis.dot(c.zero)) < 1e-6;
   for (const Real number : {c.encoder_step, c.encoder_noise, c.torque_limit, c.drive_inertia,
                             c.arm_mass, c.rod_mass, c.viscous, c.coulomb})
     all = all && number >= 0;
@@ -37,8 +37,8 @@ bool good(const Sensor& s) {
 }
 bool good(const Body& body) {
   bool symmetric = true;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j <= i; ++j)
+  for (int i : range(3))
+    for (int j : range(i + 1))
       symmetric = symmetric && body.inertia(i, j) == body.inertia(j, i) && body.inertia(i, i) >= 0;
   return body.mass >= 0 && symmetric;
 }
@@ -46,7 +46,7 @@ bool good(const PassiveAxis& axis) { return axis.low <= axis.high && unit(axis.d
 
 /// The first part with invalid numbers. @param first  number of a kind's first part in outcomes
 Outcome checked(const auto& parts, int count, int first) {
-  for (int k = 0; k < count; ++k) {
+  for (int k : range(count)) {
     if (!sound(parts[k])) return {Status::not_finite, first + k};
     if (!good(parts[k])) return {Status::no_such_value, first + k};
   }

@@ -5,7 +5,7 @@ namespace truepose {
 Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, int nuisances,
                        const std::vector<Visit>& visits, const Links& links, VisitRows& all,
                        const std::function<void()>& poll) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int n = dof(robot.mobility), p = prior.count;
   Knowledge raw = prior;
   raw.root = nullptr;
@@ -14,7 +14,7 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
   axes.column += p - nuisances;
   RowMatrix D;
   std::vector<double> H_xi(2 * readings(robot) * parameter_count(robot));
-  int rows = static_cast<int>(links.link.size());
+  int rows = int(links.link.size());
   for (const Visit& visit : visits) rows += redundancy(robot) + (visit.outside.x ? n : 0);
   all.B = RowMatrix(rows, p);
   all.visit.clear();
@@ -31,7 +31,7 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
     if (!outcome) return outcome;
     std::copy(line.B[n], line.B[line.rows], all.B[row]);
     row += line.redundancy();
-    all.visit.insert(all.visit.end(), line.redundancy(), static_cast<int>(&visit - visits.data()));
+    all.visit.insert(all.visit.end(), line.redundancy(), int(&visit - visits.data()));
     if (!links.link.empty()) {
       poses.push_back(visit.pose);
       lines.push_back(line);
@@ -59,8 +59,8 @@ Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pos
   if (!outcome) return outcome;
   const int rows = readings(robot), m = acting.count, p = known.count;
   gather(robot, known, H_xi, rows, B, m);
-  for (int c = 0; c < rows; ++c)
-    for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
+  for (int c : range(rows))
+    for (int j : range(m)) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
   outcome = reading_covariance(robot, known, B, C);
   if (outcome) outcome = fuse(robot, known, C, H_x, fusion);
   if (outcome) weighted_tej(robot, H_x, fusion, fusion.tej);
@@ -76,8 +76,8 @@ Outcome pose_error(Level level, const Robot& robot, const Knowledge& known, cons
   const Outcome outcome = fused(level, robot, known, pose, acting, H_xi, B, fusion);
   if (!outcome) return outcome;
   RowMatrix gain(n, rows);  // of readings in units of their σ
-  for (int i = 0; i < n; ++i)
-    for (int c = 0; c < rows; ++c) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
+  for (int i : range(n))
+    for (int c : range(rows)) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
   error.by_geometry = gain * RowMatrix(rows, p, B);
   error.by_noise = gain * transposed(gain);
   return {};

@@ -21,8 +21,8 @@ class RowMatrix : std::vector<double> {
   double operator()(int i, int j) const { return (*this)[i][j]; }
   double& operator()(int i, int j) { return (*this)[i][j]; }
   /// Row i.
-  const double* operator[](int i) const { return data() + static_cast<long>(i) * columns_; }
-  double* operator[](int i) { return data() + static_cast<long>(i) * columns_; }
+  const double* operator[](int i) const { return data() + long(i) * columns_; }
+  double* operator[](int i) { return data() + long(i) * columns_; }
 
   /// Leaves the first rows, or adds rows of zeros.
   void keep(int rows);

@@ -1,11 +1,8 @@
 // Marginal likelihood of a log's rows under hypotheses: each one more column, beside the ordinary.
 #include "calibration/evidence.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 #include "estimation/estimate.hpp"
+#include "estimation/evidence.hpp"
 
 namespace truepose {
 namespace {
@@ -14,30 +11,30 @@ double whiten(const LogRows& rows, const Ordinary& by, RowMatrix& Z) {
   if (!(by.persisting > 0)) return 0;
   const int count = rows.D.cols(), width = Z.cols();
   RowMatrix P(count, count), X(count, width);  // covariance and mean of η, of every column
-  for (int i = 0; i < count; ++i) P(i, i) = by.persisting;
+  for (int i : range(count)) P(i, i) = by.persisting;
   double half = 0;
   int last = -1;
-  for (int row = 0; row < Z.rows(); ++row) {
+  for (int row : range(Z.rows())) {
     const int line = rows.line[row];
     if (line < 0) continue;
     if (last >= 0 && line != last) {
       const double kept = std::pow(by.correlation, line - last);
       for (double& entry : X) entry *= kept;
       for (double& entry : P) entry *= kept * kept;
-      for (int i = 0; i < count; ++i) P(i, i) += (1 - kept * kept) * by.persisting;
+      for (int i : range(count)) P(i, i) += (1 - kept * kept) * by.persisting;
     }
     last = line;
     const double* d = rows.D[row];
     const std::vector<double> Pd = P * std::vector<double>(d, d + count);
     const double variance = 1 + dot(count, d, Pd.data());
     double* z = Z[row];
-    for (int i = 0; i < count; ++i) add_scaled(width, -d[i], X[i], z);
-    for (int i = 0; i < count; ++i) {
+    for (int i : range(count)) add_scaled(width, -d[i], X[i], z);
+    for (int i : range(count)) {
       add_scaled(width, Pd[i] / variance, z, X[i]);
       add_scaled(count, -Pd[i] / variance, Pd.data(), P[i]);
     }
-    for (int j = 0; j < width; ++j) z[j] /= std::sqrt(variance);
-    half += 0.5 * std::log(variance);
+    for (int j : range(width)) z[j] /= sqrt(variance);
+    half += 0.5 * log(variance);
   }
   return half;
 }
@@ -53,12 +50,12 @@ struct Products {
 Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) {
   const int p = Z.cols() - columns - 1;
   int most = 0;
-  for (std::size_t h = 0; h < end.size(); ++h) most = std::max(most, end[h] - (h ? end[h - 1] : 0));
+  for (std::size_t h = 0; h < end.size(); ++h) most = max(most, end[h] - (h ? end[h - 1] : 0));
   Products of{RowMatrix(p, p), RowMatrix(p, columns + 1), RowMatrix(columns, most),
               std::vector<double>(columns)};
-  for (int row = 0; row < Z.rows(); ++row) {
+  for (int row : range(Z.rows())) {
     const double *z = Z[row], *b = z + columns + 1, y = z[columns];
-    for (int i = 0; i < p; ++i) {
+    for (int i : range(p)) {
       if (b[i] == 0) continue;
       add_scaled(p, b[i], b, of.BB[i]);
       add_scaled(columns + 1, b[i], z, of.BZ[i]);
@@ -67,36 +64,26 @@ Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) 
     of.yy += y * y;
     int first = 0;
     for (const int last : end) {
-      for (int k = first; k < last; ++k) add_scaled(last - first, z[k], z + first, of.CC[k]);
+      for (int k : range(first, last)) add_scaled(last - first, z[k], z + first, of.CC[k]);
       first = last;
     }
   }
   return of;
 }
-
-/// ½ bᵀ(I + A)⁻¹b - ½ ln |I + A|: what columns with these products gain.
-double gain(RowMatrix A, RowMatrix b) {
-  for (int i = 0; i < A.rows(); ++i) A(i, i) += 1;
-  const RowMatrix L = cholesky(A);
-  solve_lower(L, b);
-  double sum = 0;
-  for (int i = 0; i < A.rows(); ++i) sum += 0.5 * b(i, 0) * b(i, 0) - std::log(L(i, i));
-  return sum;
-}
 }  // namespace
 
 RowMatrix weigh(const LogRows& rows, const Columns& columns,
                 const std::vector<Ordinary>& ordinary) {
-  const int m = static_cast<int>(rows.y.size()), K = columns.C.cols(), p = rows.B.cols();
-  RowMatrix result(static_cast<int>(ordinary.size()), 1 + static_cast<int>(columns.end.size()));
+  const int m = int(rows.y.size()), K = columns.C.cols(), p = rows.B.cols();
+  RowMatrix result(int(ordinary.size()), 1 + int(columns.end.size()));
   Products of;
   double half = 0;
-  for (int a = 0; a < result.rows(); ++a) {
+  for (int a : range(result.rows())) {
     const Ordinary& by = ordinary[a];
     const Ordinary* before = a ? &ordinary[a - 1] : nullptr;
     if (!before || before->persisting != by.persisting || before->correlation != by.correlation) {
       RowMatrix Z(m, K + 1 + p);
-      for (int row = 0; row < m; ++row) {
+      for (int row : range(m)) {
         std::copy_n(columns.C[row], K, Z[row]);
         Z(row, K) = rows.y[row];
         std::copy_n(rows.B[row], p, Z[row] + K + 1);
@@ -107,27 +94,28 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
     // (s² I + t² B Bᵀ)⁻¹ = s⁻² (I - (t/s)² B M⁻¹ Bᵀ), M = I + (t/s)² BᵀB = L Lᵀ (Woodbury).
     const double s2 = by.noise * by.noise, ratio = by.tolerances / by.noise;
     RowMatrix M = RowMatrix::identity(p), V = of.BZ;
-    for (int i = 0; i < p; ++i) add_scaled(p, ratio * ratio, of.BB[i], M[i]);
+    for (int i : range(p)) add_scaled(p, ratio * ratio, of.BB[i], M[i]);
     const RowMatrix L = cholesky(M);
     solve_lower(L, V);
     for (double& entry : V) entry *= ratio;
     const auto taken = [&](int i, int j) {  // by B, of the product of columns i and j
       return sum_of(p, [&](int k) { return V(k, i) * V(k, j); });
     };
-    double likelihood = -half - m * (std::log(by.noise) + 0.5 * std::log(2 * std::numbers::pi));
-    for (int i = 0; i < p; ++i) likelihood -= std::log(L(i, i));
+    double likelihood = -half - m * (log(by.noise) + 0.5 * log(2 * kPi));
+    for (int i : range(p)) likelihood -= log(L(i, i));
     likelihood -= 0.5 * (of.yy - taken(K, K)) / s2;
     result(a, 0) = likelihood;
     int first = 0;
     for (std::size_t h = 0; h < columns.end.size(); ++h) {
       const int count = columns.end[h] - first;
-      RowMatrix A(count, count), b(count, 1);
-      for (int i = 0; i < count; ++i) {
-        b(i, 0) = (of.Cy[first + i] - taken(first + i, K)) / s2;
-        for (int j = 0; j < count; ++j)
+      RowMatrix A(count, count);
+      std::vector<double> b(count);
+      for (int i : range(count)) {
+        b[i] = (of.Cy[first + i] - taken(first + i, K)) / s2;
+        for (int j : range(count))
           A(i, j) = (of.CC(first + i, j) - taken(first + i, first + j)) / s2;
       }
-      result(a, static_cast<int>(h) + 1) = likelihood + gain(A, b);
+      result(a, int(h) + 1) = likelihood + evidence(count, A.data(), b.data()).log_odds;
       first = columns.end[h];
     }
   }

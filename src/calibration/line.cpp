@@ -17,7 +17,7 @@ double Line::misfit() const {
 
 double Line::away() const {
   double size = 0;
-  for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i] + pull[i]));
+  for (int i : range(n)) size = max(size, fabs(e[i] + pull[i]));
   return size;
 }
 
@@ -49,8 +49,7 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
   if (axes.count > 0) outcome = left_out(robot, axes, pose, H_xi, left);
   D = RowMatrix(readings, count);
   for (int c = 0; c < readings && outcome; ++c) {
-    for (int j = 0; j < given.count; ++j)
-      D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
+    for (int j : range(given.count)) D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
     std::copy_n(left[c], axes.count, D[c] + given.count);
   }
   return outcome;
@@ -60,50 +59,34 @@ Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, 
                        const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
                        Line& line, Parasitic& rest) {
   const int n = dof(robot.mobility), readings = truepose::readings(robot), p = known.count;
-  Extended expected, residual{}, values{};
-  PoseRows H_x;
-  const Outcome outcome = linearise(level, robot, pose, expected, H_x, H_xi, &rest);
-  if (!outcome) return outcome;
-  if (q_e) {
-    std::copy_n(q_e, readings, values.begin());
-    innovation(robot, values, expected, residual);
-  }
-  line.n = n;
-  line.rows = 0;
   // After ξ: auxiliary unknowns, on which these readings do not depend, and nuisances.
   const int last = D ? D->cols() : 0;
-  const int others = static_cast<int>(std::count(known.column, known.column + p - last, -1)) + last;
+  const int others = int(std::count(known.column, known.column + p - last, -1)) + last;
   line.B = RowMatrix(readings + (outside.x ? n : 0), p);
-  gather(robot, known, H_xi, readings, line.B.data(), others);
-  for (int c = 0; c < readings && D; ++c) std::copy_n((*D)[c], last, line.B[c] + p - last);
-  times_root(known, readings, line.B.data());
-  const auto enter = [&](double e, double sigma, auto&& H) {
-    for (int j = 0; j < n; ++j) line.R[line.rows][j] = H(j) / sigma;
-    line.e[line.rows++] = e / sigma;
-  };
-  for (int c = 0; c < readings; ++c) {
-    if (!std::isfinite(residual[c])) continue;
-    if (line.rows < c) std::copy_n(line.B[c], p, line.B[line.rows]);
-    enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
-  }
+  const Outcome outcome =
+      linearise_row(level, robot, known, pose, q_e, others, H_xi, line.B.data(), line, rest);
+  if (!outcome) return outcome;
+  for (int i = 0; i < line.rows && D; ++i)
+    std::copy_n((*D)[line.reading[i]], last, line.B[i] + p - last);
+  times_root(known, line.rows, line.B.data());
   if (outside.x) {  // depends on the pose only
     Seen by = seen(robot.mobility, *outside.registration, pose);
     Coordinates apart = innovation(robot.mobility, by, outside.x);
     in_turns(robot.mobility, *outside.registration, pose, by, apart);
-    for (int i = 0; i < n; ++i) {
-      if (!std::isfinite(apart[i])) continue;
+    for (int i : range(n)) {
+      if (!isfinite(apart[i])) continue;
       double* row = line.B[line.rows];
-      std::fill_n(row, p, 0.0);
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
         const int at = outside.first + j;
         const double unit = known.root ? known.root[at * (p + 1)] : 1;
         row[at] = by.H[i][j] * unit / outside.sigma[i];
       }
-      enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
+      for (int j : range(n)) line.R[line.rows][j] = by.H_x[i][j] / outside.sigma[i];
+      line.e[line.rows++] = apart[i] / outside.sigma[i];
     }
   }
   const bool determined =
       line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), p, line.e);
-  return {determined ? Status::ok : Status::singular, -1};
+  return {determined ? Status::ok : Status::singular};
 }
 }  // namespace truepose

@@ -4,23 +4,18 @@
 #include "calibration/dense.hpp"
 #include "calibration/loss.hpp"
 #include "calibration/registration.hpp"
-#include "estimation/estimate.hpp"
-#include "math/eliminate.hpp"
+#include "estimation/row.hpp"
 
 namespace truepose {
-/// A row of readings, linearised: R δx = e - B δu in the upper n equations; those below contain no
-/// δx. In units of the readings' σ and, for u, of the knowledge's root: ξ = μ + S u.
-struct Line {
-  int n = 0, rows = 0;
-  RowsOfPose R;
-  std::array<double, kMaxRows> e;
+/// A row with its pose eliminated. For u in units of the knowledge's root: ξ = μ + S u.
+struct Line : ReadingRow {
   RowMatrix B;
   Coordinates pull{};  ///< from other data on the pose (links.hpp): its best is at e = -pull
 
   bool certain = false;  ///< never an outlier: its pose is known
   bool outlier = false;  ///< does not count
 
-  int redundancy() const { return std::max(rows - n, 0); }
+  int redundancy() const { return max(rows - n, 0); }
   double chi2() const;
   /// Squared residual at its pose; chi2() is that of the best pose, to first order.
   double misfit() const;

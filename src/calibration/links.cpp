@@ -7,7 +7,7 @@ namespace truepose {
 void LinkBlock::weigh(std::vector<double> by) {
   weight = std::move(by);
   C = shared;
-  for (int k = 0; k < size(); ++k) C(k, k) += 1 / weight[k];
+  for (int k : range(size())) C(k, k) += 1 / weight[k];
   C = cholesky(C);
 }
 
@@ -22,11 +22,11 @@ void LinkBlock::weigh(const RowLoss& loss, const std::vector<char>& outlier) {
     std::vector<double> next(size());
     double change = 0;
     cost = 0;
-    for (int k = 0; k < size(); ++k) {
+    for (int k : range(size())) {
       const double own = z[k] / weight[k];  // ε
       cost += z[k] * (y[k] - own) + (out(k) ? 0 : loss.cost(own * own, 1));
-      next[k] = out(k) ? kNothing : std::max(loss.weight(own * own, 1), kNothing);
-      change = std::max(change, std::fabs(next[k] - weight[k]));
+      next[k] = out(k) ? kNothing : max(loss.weight(own * own, 1), kNothing);
+      change = max(change, fabs(next[k] - weight[k]));
     }
     if (change < 1e-9) break;
     weigh(next);
@@ -38,7 +38,7 @@ LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, co
   const Vec3 c(w[link.tool], w[link.tool + 1], w[link.tool + 2]);
   const double* shape = w + link.shape;
   std::array<Vec3, 2> arm, p, slope;  // slope: ∂f/∂p
-  for (int a = 0; a < link.ends(); ++a) {
+  for (int a : range(link.ends())) {
     const Pose& pose = poses[link.line[a]];
     arm[a] = pose.R * c;
     p[a] = pose.D + arm[a];
@@ -68,15 +68,17 @@ LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, co
       slope[1] = -slope[0];
       break;
   }
-  for (int a = 0; a < link.ends(); ++a) {
+  for (int a : range(link.ends())) {
     free_row({mobility, dof(mobility), {}, {}, {}, {}}, slope[a], arm[a].cross(slope[a]),
              result.H_x[a].data());
     const Vec3 own = poses[link.line[a]].R.transpose() * slope[a];
-    for (int k = 0; k < 3; ++k) result.tool[k] += own[k];
+    for (int k : range(3)) result.tool[k] += own[k];
   }
   return result;
 }
 
+namespace {
+/// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
 std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n) {
   std::vector<int> root(lines.size()), block(lines.size(), -1);
   std::iota(root.begin(), root.end(), 0);
@@ -91,20 +93,21 @@ std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& line
   for (const Link& link : links.link)
     if (usable(link)) root[find(last(link))] = find(link.line[0]);
   std::vector<LinkBlock> blocks;
-  for (int k = 0; k < static_cast<int>(links.link.size()); ++k) {
+  for (int k = 0; k < int(links.link.size()); ++k) {
     const Link& link = links.link[k];
     if (!usable(link)) continue;
     int& at = block[find(link.line[0])];
     if (at < 0) {
-      at = static_cast<int>(blocks.size());
+      at = int(blocks.size());
       blocks.emplace_back();
     }
-    for (int a = 0; a < link.ends(); ++a)
-      blocks[at].end.push_back({blocks[at].size(), link.line[a]});
+    for (int a : range(link.ends())) blocks[at].end.push_back({blocks[at].size(), link.line[a]});
     blocks[at].link.push_back(k);
   }
   return blocks;
 }
+
+}  // namespace
 
 std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
                               const Knowledge& known, const std::vector<Pose>& poses,
@@ -112,7 +115,7 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
   const int n = dof(mobility), p = known.count;
   std::vector<LinkBlock> blocks = grouped(links, lines, n);
   for (LinkBlock& all : blocks) {
-    const int m = all.size(), ends = static_cast<int>(all.end.size());
+    const int m = all.size(), ends = int(all.end.size());
     all.e.resize(m);
     all.B = RowMatrix(m, p);
     all.G = RowMatrix(ends, n);
@@ -122,7 +125,7 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
       const LinkExpected at = expected(mobility, link, poses.data(), w);
       all.e[k] = (link.measured - at.value) / link.sigma;
       const auto enter = [&](int first, const std::array<double, 3>& slope, int count) {
-        for (int i = 0; i < count; ++i) {
+        for (int i : range(count)) {
           const int column = links.first + first + i;
           const double unit = known.root ? known.root[column * (p + 1)] : 1;
           all.B(k, column) += slope[i] * unit / link.sigma;
@@ -134,22 +137,22 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
       for (int a = 0; a < link.ends(); ++a, ++end) {
         const Line& line = lines[link.line[a]];
         double* g = all.G[end];  // g R = ∂f/∂x
-        for (int j = 0; j < n; ++j) {
+        for (int j : range(n)) {
           g[j] = at.H_x[a][j] / link.sigma;
-          for (int i = 0; i < j; ++i) g[j] -= g[i] * line.R[i][j];
+          for (int i : range(j)) g[j] -= g[i] * line.R[i][j];
           g[j] /= line.R[j][j];
         }
       }
     }
     all.y = all.e;
-    for (int k = 0; k < ends; ++k) {
+    for (int k : range(ends)) {
       const auto [own, at] = all.end[k];
       const Line& line = lines[at];
-      for (int i = 0; i < n; ++i) {
+      for (int i : range(n)) {
         add_scaled(p, -all.G(k, i), line.B[i], all.B[own]);
         all.y[own] -= all.G(k, i) * line.e[i];
       }
-      for (int l = 0; l < ends; ++l)
+      for (int l : range(ends))
         if (all.end[l].line == at) all.shared(own, all.end[l].link) += dot(n, all.G[k], all.G[l]);
     }
     all.weigh(std::vector<double>(m, 1.0));
@@ -159,10 +162,10 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
 
 void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu) {
   std::vector<double> left = block.B * step;
-  for (int k = 0; k < block.size(); ++k) left[k] = block.y[k] - left[k];
+  for (int k : range(block.size())) left[k] = block.y[k] - left[k];
   const std::vector<double> z = solve_cholesky(block.C, left);
   for (std::size_t k = 0; k < block.end.size(); ++k)
-    for (int i = 0; i < block.G.cols(); ++i)
+    for (int i : range(block.G.cols()))
       nu[block.end[k].line][i] += z[block.end[k].link] * block.G(k, i);
 }
 
@@ -175,14 +178,14 @@ void cross_validate(const Links& links, const LinkBlock& block, const RowMatrix&
   RowMatrix half = transposed(block.B) * inverse;
   solve_lower(root, half);
   const std::vector<double> z = inverse * block.y;
-  for (int k = 0; k < m; ++k) {
+  for (int k : range(m)) {
     LinkResult& of = result[block.link[k]];
     const double sigma = links.link[block.link[k]].sigma;
     double P = inverse(k, k);
-    for (int i = 0; i < half.rows(); ++i) P -= half(i, k) * half(i, k);
+    for (int i : range(half.rows())) P -= half(i, k) * half(i, k);
     of.residual = sigma * block.e[k];
     of.left_out = sigma * z[k] / P;
-    of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
+    of.sigma = sigma * sqrt(max(1 / P - 1 / block.weight[k], 0.0) + 1);
   }
 }
 }  // namespace truepose

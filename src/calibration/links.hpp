@@ -73,15 +73,12 @@ struct LinkBlock {
   RowMatrix C{};                 ///< Cholesky factor of C
   double cost = 0;               ///< at the best poses
 
-  int size() const { return static_cast<int>(link.size()); }
+  int size() const { return int(link.size()); }
   void weigh(std::vector<double> by);
   /// Weighs each link by the loss of its own ε, at the optimal ν; outliers by `kNothing`. Each
   /// round lowers the cost, because a loss is a concave function of ε².
   void weigh(const RowLoss& loss, const std::vector<char>& outlier = {});
 };
-
-/// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
-std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n);
 
 /// The links as equations in ξ, in blocks that share rows.
 /// @param poses, lines  of the log; a line without rows is unknown

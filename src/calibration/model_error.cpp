@@ -10,7 +10,7 @@ Outcome left_out(const Robot& robot, const Knowledge& known, const Pose& pose, d
   Outcome outcome = linearise(Level::full, robot, pose, q_e, H_x, H_xi);
   if (outcome) outcome = linearise(Level::ideal, robot, pose, q_e, H_x, H_xi + size);
   if (!outcome) return outcome;
-  for (int k = 0; k < size; ++k) H_xi[k] -= H_xi[size + k];
+  for (int k : range(size)) H_xi[k] -= H_xi[size + k];
   D = RowMatrix(rows, known.count);
   gather(robot, known, H_xi, rows, D.data());
   return outcome;

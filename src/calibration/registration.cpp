@@ -1,8 +1,6 @@
 // Registration of an external measurement: frame of the tracker and place of the marker.
 #include "calibration/registration.hpp"
 
-#include <numbers>
-
 #include "calibration/dense.hpp"
 
 namespace truepose {
@@ -12,25 +10,23 @@ Registration moved(const Registration& from, const double* step) {
           {from.marker.t + at(6), exp_so3(at(9)) * from.marker.R}};
 }
 
-}  // namespace truepose
-
-namespace truepose::registration_detail {
+namespace {
+/// Enters derivatives of the marker's turn about `about`. @param turn  platform to tracker
 void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn, const Vec3& about,
                 int i, Seen& to) {
   free_row({mobility, dof(mobility), {}, {}, {}, {}}, Vec3::Zero(), by.base.R.transpose() * about,
            to.H_x[i].data());
-  std::copy_n(about.data(), 3, to.H[i].begin() + 3);
+  copy_first(3, about, to.H[i].begin() + 3);
   const Vec3 own = turn.transpose() * about;
-  std::copy_n(own.data(), 3, to.H[i].begin() + 9);
+  copy_first(3, own, to.H[i].begin() + 9);
 }
 
-}  // namespace truepose::registration_detail
+}  // namespace
 
-namespace truepose {
 Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   if (is_rotational(mobility) || is_mechanism(mobility)) {
     Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
-    for (int i = 0; i < dof(mobility); ++i) angles.H_x[i][i] = 1;
+    for (int i : range(dof(mobility))) angles.H_x[i][i] = 1;
     return angles;
   }
   const int positions = positions_of(mobility);
@@ -38,9 +34,9 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
   Seen result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
   const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
-    std::copy_n(value.data(), 3, row.begin() + first);
+    copy_first(3, value, row.begin() + first);
   };
-  for (int i = 0; i < dof(mobility); ++i) {
+  for (int i : range(dof(mobility))) {
     auto& row = result.H[i];
     if (i < positions) {
       const Vec3 along = by.base.R.transpose().col(i);
@@ -55,9 +51,9 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
         const Vec3 a = result.Q.col(0);
         const double level2 = a.x() * a.x() + a.y() * a.y();
         about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
-        result.blunt = 1 / std::sqrt(level2);
+        result.blunt = 1 / sqrt(level2);
       }
-      registration_detail::enter_turn(mobility, by, turn, about, i, result);
+      enter_turn(mobility, by, turn, about, i, result);
     }
   }
   return result;
@@ -69,12 +65,11 @@ Coordinates innovation(Mobility mobility, const Seen& expected, const double* me
   const int n = dof(mobility);
   for (int i = 0; i < n && i < 3; ++i) apart[i] = measured[i] - expected.p[i];
   if (turns_about_z(mobility))
-    apart[n - 1] = std::remainder(measured[n - 1] - std::atan2(expected.Q(1, 0), expected.Q(0, 0)),
-                                  2 * std::numbers::pi);
+    apart[n - 1] = remainder(measured[n - 1] - atan2(expected.Q(1, 0), expected.Q(0, 0)), 2 * kPi);
   if (mobility == Mobility::spatial) {
     const Vec3 turn =
         log_so3(exp_so3(Vec3(measured[3], measured[4], measured[5])) * expected.Q.transpose());
-    std::copy_n(turn.data(), 3, apart.begin() + 3);
+    copy_first(3, turn, apart.begin() + 3);
   }
   return apart;
 }
@@ -84,17 +79,16 @@ void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen&
   if (turns_about_z(mobility)) {
     const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);
-    const double sine = std::sqrt(a.x() * a.x() + a.y() * a.y());  // no hypot: glibc 2.35
+    const double sine = sqrt(a.x() * a.x() + a.y() * a.y());  // no hypot: glibc 2.35
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
-    registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
-                                    i, expected);
+    enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine, i, expected);
     apart[i] *= sine;
   }
 }
 
 double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<long>(values.size() / 2);
+  const auto middle = values.begin() + long(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
@@ -102,8 +96,8 @@ double median(std::vector<double> values) {
 namespace {
 SingularValues singular_values(const Mat3& A) {
   RowMatrix rows(3, 3);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) rows(i, j) = A(i, j);
+  for (int i : range(3))
+    for (int j : range(3)) rows(i, j) = A(i, j);
   return truepose::singular_values(rows);
 }
 }  // namespace
@@ -117,9 +111,15 @@ Mat3 nearest_rotation(const Mat3& A) {
   return outer(u, v) + outer(u2, v2) + outer(u.cross(u2), v.cross(v2));
 }
 
-}  // namespace truepose
+namespace {
+/// A marker's place by the robot and as measured at a row.
+struct Pair {
+  Vec3 from, to;
+  int line;
+  double weight = 1;
+};
 
-namespace truepose::registration_detail {
+/// The marker's orientation from measured ones; `known` where there are none.
 Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
                  const std::vector<Pair>& pairs, const Pose* pose, const double* measured) {
   const int n = dof(mobility);
@@ -128,32 +128,30 @@ Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
     const double* x = measured + p.line * n;
     const Mat3 back = (base * pose[p.line].R).transpose();
     if (mobility == Mobility::spatial) {
-      if (std::isfinite(x[3] + x[4] + x[5]))
-        sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
+      if (isfinite(x[3] + x[4] + x[5])) sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
     } else if (turns_about_z(mobility)) {
-      const Vec3 axis = back * Vec3(std::cos(x[n - 1]), std::sin(x[n - 1]), 0);
-      if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
+      const Vec3 axis = back * Vec3(cos(x[n - 1]), sin(x[n - 1]), 0);
+      if (axis.allFinite()) sum += p.weight * rotation_z(atan2(axis.y(), axis.x()));
     }
   }
   return sum.norm() > 0 ? nearest_rotation(sum) : known;
 }
 
-}  // namespace truepose::registration_detail
+}  // namespace
 
-namespace truepose {
 Registration registered(Mobility mobility, const Registration& known, bool moved, bool movable,
                         bool turning, int count, const Pose* pose, const Status* status,
                         const double* measured) {
   if (is_rotational(mobility) || is_mechanism(mobility)) return known;
-  std::vector<registration_detail::Pair> pairs;
+  std::vector<Pair> pairs;
   Vec3 shift = Vec3::Zero(), counted = Vec3::Zero();
-  for (int k = 0; k < count; ++k) {
+  for (int k : range(count)) {
     if (status[k] != Status::ok) continue;
     const Vec3 from = pose[k].D + pose[k].R * known.marker.t;
     Vec3 to = Vec3::Zero();
-    for (int i = 0; i < positions_of(mobility); ++i) {
+    for (int i : range(positions_of(mobility))) {
       to[i] = measured[k * dof(mobility) + i];
-      if (std::isfinite(to[i])) shift[i] += (to[i] - from[i] - shift[i]) / ++counted[i];  // mean
+      if (isfinite(to[i])) shift[i] += (to[i] - from[i] - shift[i]) / ++counted[i];  // mean
     }
     if (to.allFinite()) pairs.push_back({from, to, k});
   }
@@ -206,8 +204,7 @@ Registration registered(Mobility mobility, const Registration& known, bool moved
     if (round > 10 && step.norm() < 1e-5) break;
   }
   if (turning)
-    result.marker.R = registration_detail::marker_turn(mobility, result.base.R, known.marker.R,
-                                                       pairs, pose, measured);
+    result.marker.R = marker_turn(mobility, result.base.R, known.marker.R, pairs, pose, measured);
   return result;
 }
 }  // namespace truepose

@@ -41,12 +41,6 @@ struct Seen {
   double blunt = 1;                  ///< error of θ relative to that of the marker's turn
 };
 
-namespace registration_detail {
-/// Enters derivatives of the marker's turn about `about`. @param turn  platform to tracker
-void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn, const Vec3& about,
-                int i, Seen& to);
-}  // namespace registration_detail
-
 /// θ is the angle of the marker's x axis about the tracker's z, less certain the nearer the two
 /// are. Rotations differ by a rotation vector in the tracker's frame.
 Seen seen(Mobility mobility, const Registration& by, const Pose& pose);
@@ -64,19 +58,6 @@ double median(std::vector<double> values);
 
 /// The nearest rotation to a matrix: R of the largest tr(RᵀA), det R = 1.
 Mat3 nearest_rotation(const Mat3& A);
-
-namespace registration_detail {
-/// A marker's place by the robot and as measured at a row.
-struct Pair {
-  Vec3 from, to;
-  int line;
-  double weight = 1;
-};
-
-/// The marker's orientation from measured ones; `known` where there are none.
-Mat3 marker_turn(Mobility mobility, const Mat3& base, const Mat3& known,
-                 const std::vector<Pair>& pairs, const Pose* pose, const double* measured);
-}  // namespace registration_detail
 
 /// Computes an initial registration from roughly known poses; measurements may contain gross errors
 /// (each is weighted by its distance). Alternates two linear steps: the base given the marker's

@@ -15,12 +15,12 @@ namespace {
 Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference& reference, int r) {
   const int n = reference.jacobians.n, m = reference.jacobians.motors;
   Extended result{};
-  std::copy_n(rate.begin(), m, result.begin());
+  copy_first(m, rate, result);
   const Coordinates twist = pose_rate(reference.jacobians, rate);
-  if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
+  if (corrects == Corrects::pose) copy_first(n, twist, result);
   if (corrects == Corrects::readings)
-    for (int k = 0; k < r; ++k)
-      for (int i = 0; i < n; ++i) result[m + k] += reference.jr[k][i] * twist[i];
+    for (int k : range(r))
+      for (int i : range(n)) result[m + k] += reference.jr[k][i] * twist[i];
   return result;
 }
 
@@ -67,11 +67,11 @@ class ControlCycle {
   /// of its errors: of the motors, of all readings, or of the estimated pose (so θ is damped by its
   /// own, finer counts). The TEJ's own rate is left out: of second order in the error.
   void measure() {
-    std::copy_n(q_e_.begin(), readings(), measured_.begin());
+    copy_first(readings(), q_e_, measured_);
     joint_rate_ = reference_.jacobians.joint_rate(setpoint_.rate);
     if (!posed()) return;
     const Coordinates x = to_coordinates(robot_.mobility, found_);
-    std::copy_n(x.begin(), n, measured_.begin());
+    copy_first(n, x, measured_);
   }
 
   /// After a switch of law or readings the error keeps its value and rate, and the jump is led out.
@@ -79,24 +79,24 @@ class ControlCycle {
     if (!before_.started || switches()) state_.position = measured_;
     if (switches()) {
       state_.rate = in_terms_of(corrects_, before_.error_rate, reference_, robot_.r);
-      for (int i = 0; i < m; ++i) state_.held[i] = before_.error[i] - state_.error[i];
+      for (int i : range(m)) state_.held[i] = before_.error[i] - state_.error[i];
       state_.leaving = settings_.lead_out;
     }
     const Real share = led_out(state_.leaving, settings_.lead_out);
-    state_.leaving = std::max(0.0, state_.leaving - settings_.period);
-    for (int i = 0; i < m; ++i) state_.error[i] += share * state_.held[i];
+    state_.leaving = max(0.0, state_.leaving - settings_.period);
+    for (int i : range(m)) state_.error[i] += share * state_.held[i];
   }
 
   /// Rates of the errors by their tracking loops, and of ê_q by the law.
   void follow() {
     const Pose from = to_tangent();
-    const Real pole = std::exp(-settings_.velocity_bandwidth * settings_.period);
+    const Real pole = exp(-settings_.velocity_bandwidth * settings_.period);
     // At the start the robot counts as following until its readings differ.
     const Real half = before_.started ? 0.5 : 0;
     const int tracked = posed() ? n : readings();
     Coordinates twist{};  // of x_d against x̂
     state_.error_rate = {};
-    for (int c = 0; c < tracked; ++c) {
+    for (int c : range(tracked)) {
       const Real rate = desired_rate(c);
       const Real expected = half * ((switches() ? rate : state_.desired[c]) + rate);
       if (switches())
@@ -104,7 +104,7 @@ class ControlCycle {
       track(settings_, pole, measured_[c], expected, state_.position[c], state_.rate[c]);
       state_.desired[c] = rate;
       if (corrects_ == Corrects::readings)
-        for (int i = 0; i < m; ++i) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
+        for (int i : range(m)) state_.error_rate[i] += reference_.tej[i][c] * state_.rate[c];
       else if (posed())
         twist[c] = state_.rate[c];
       else
@@ -112,9 +112,8 @@ class ControlCycle {
     }
     if (posed()) state_.error_rate = reference_.jacobians.joint_rate(twist);
     from_tangent(from);
-    for (int c = 0; c < tracked; ++c)
-      sum_ +=
-          std::fabs(state_.position[c]) + std::fabs(state_.rate[c]) + std::fabs(state_.desired[c]);
+    for (int c : range(tracked))
+      sum_ += fabs(state_.position[c]) + fabs(state_.rate[c]) + fabs(state_.desired[c]);
   }
 
   /// Torques of model, integrals and gains, limited.
@@ -126,7 +125,7 @@ class ControlCycle {
     for (int i = 0; i < m && before_.braked; ++i)  // the others do not compensate it
       if (braked(i)) state_.error[i] = state_.error_rate[i] = state_.integral[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       pd[i] = settings_.kp[i] * state_.error[i] + settings_.kd[i] * state_.error_rate[i];
       steps[i] = settings_.ki[i] * settings_.period * state_.error[i];
     }
@@ -152,10 +151,10 @@ class ControlCycle {
     }
     for (int i = 0; i < m && before_.braked; ++i)
       if (braked(i)) pd[i] = steps[i] = 0;
-    for (int i = 0; i < m; ++i) limit(i, torque[i], pd[i], steps[i]);
+    for (int i : range(m)) limit(i, torque[i], pd[i], steps[i]);
     if (m > n) make_up_for_limits();
     // A NaN in the state would fail every later cycle, as would what overflows then.
-    if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
+    if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite};
     return {};
   }
 
@@ -164,8 +163,7 @@ class ControlCycle {
     state_.started = true;
     state_.switched = false;
     state_.law = settings_.law;
-    for (int i = 0; i < m; ++i)
-      state_.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
+    for (int i : range(m)) state_.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
   }
 
  private:
@@ -180,7 +178,7 @@ class ControlCycle {
     if (posed()) return setpoint_.rate[c];
     if (c < m) return joint_rate_[c];
     Real rate = 0;
-    for (int j = 0; j < n; ++j) rate += reference_.jr[c - m][j] * setpoint_.rate[j];
+    for (int j : range(n)) rate += reference_.jr[c - m][j] * setpoint_.rate[j];
     return rate;
   }
 
@@ -190,10 +188,10 @@ class ControlCycle {
     if (robot_.mobility == Mobility::spatial)
       if (posed()) {
         Coordinates last{};
-        std::copy_n(state_.position.begin(), n, last.begin());
+        copy_first(n, state_.position, last);
         from = to_pose(robot_.mobility, last);
         const Coordinates step = difference(robot_.mobility, found_, from);
-        std::copy_n(step.begin(), n, measured_.begin());
+        copy_first(n, step, measured_);
         state_.position.fill(0);
       }
     return from;
@@ -202,9 +200,9 @@ class ControlCycle {
     if (robot_.mobility == Mobility::spatial)
       if (posed()) {
         Coordinates step{};
-        std::copy_n(state_.position.begin(), n, step.begin());
+        copy_first(n, state_.position, step);
         const Coordinates x = to_coordinates(robot_.mobility, moved(robot_.mobility, from, step));
-        std::copy_n(x.begin(), n, state_.position.begin());
+        copy_first(n, x, state_.position);
       }
   }
 
@@ -213,11 +211,11 @@ class ControlCycle {
     const Real most = robot_.chain[i].torque_limit;
     state_.load[i] = model + state_.integral[i];
     const Real wanted = state_.load[i] + pd;
-    const bool pushes = most > 0 && std::fabs(wanted) > most && wanted * step > 0;
+    const bool pushes = most > 0 && fabs(wanted) > most && wanted * step > 0;
     if (!pushes) state_.integral[i] += step;
     // Before the limit and the brakes, which hide infinities.
-    sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(joint_rate_[i]);
-    sum_ += std::fabs(state_.held[i]);
+    sum_ += fabs(wanted) + fabs(step) + fabs(joint_rate_[i]);
+    sum_ += fabs(state_.held[i]);
     wanted_[i] = wanted + (pushes ? 0 : step);
     state_.torque[i] = limited(robot_.chain[i], wanted_[i]);
   }
@@ -228,18 +226,18 @@ class ControlCycle {
     const Jacobians& at = reference_.jacobians;
     std::uint32_t excluded = before_.braked;
     Joint lacks{};
-    for (int i = 0; i < m; ++i) lacks[i] = braked(i) ? 0 : wanted_[i] - state_.torque[i];
+    for (int i : range(m)) lacks[i] = braked(i) ? 0 : wanted_[i] - state_.torque[i];
     for (int left = m - n; left > 0; --left) {
       Coordinates force{};
       Square K, inverse;  // of the motors that can add
       Unknowns size{};
       std::array<int, kMaxMotors> motor;
       int count = 0;
-      for (int i = 0; i < m; ++i) {
+      for (int i : range(m)) {
         const Real rate = reference_.closure.chain[i].rate;
         if (lacks[i] != 0) excluded |= 1U << i;
         const bool adds = !(excluded >> i & 1U);
-        for (int j = 0; j < n; ++j) {
+        for (int j : range(n)) {
           const Real k = at.jx[i][j] / at.jq[i];
           force[j] += k * rate * lacks[i];
           if (adds) K[count][j] = k, size[j] += k * k;
@@ -248,7 +246,7 @@ class ControlCycle {
       }
       if (count == m || count < n || !invert(count, n, K, size, inverse)) return;
       lacks = {};
-      for (int c = 0; c < count; ++c) {
+      for (int c : range(count)) {
         Real& torque = state_.torque[motor[c]];
         const Real more = sum_of(n, [&](int j) { return inverse[j][c] * force[j]; });
         const Real next = torque + more / reference_.closure.chain[motor[c]].rate;
@@ -277,10 +275,10 @@ class ControlCycle {
 
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const ControlState before = state;
   ControlCycle cycle(robot, settings, setpoint, q_e, before, state);
-  if (!cycle.finite()) return {Status::not_finite, -1};
+  if (!cycle.finite()) return {Status::not_finite};
   const Scaled scaled(known, settings.sigma_scale);
   const Outcome regular = cycle.correct(scaled.weighing);
   Outcome outcome = regular;
@@ -293,7 +291,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   if (outcome) {
     cycle.complete();
   } else {
-    const Ongoing search = state.nearby.search;
+    const PoseSearch search = state.nearby.search;
     state = before;
     state.nearby.search = search;
   }
@@ -303,22 +301,17 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
 Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
                     ControlSettings& settings) {
   const int motors = robot.motors;
-  Closure closure;
-  Jacobians jacobians;
-  DynamicModel model;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
-  if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+  AtRest at;
+  Outcome outcome = at.find(robot, to_pose(robot.mobility, x));
   if (!outcome) return outcome;
-  const auto inertia = joint_inertia(model, jacobians.J);
-  for (int m = 0; m < motors; ++m) {
+  for (int m : range(motors)) {
     // The error is in readings, the torque is the motor's own.
-    const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
+    const Real of = settings.gains == Gains::inertia ? 1 : at.model.slope[m] * at.inertia[m][m];
     settings.kp[m] = of * frequency * frequency;
     settings.kd[m] = 2 * damping * of * frequency;
   }
   if (!all_finite(settings.kp, motors) || !all_finite(settings.kd, motors))
-    outcome = {Status::not_finite, -1};
+    outcome = {Status::not_finite};
   return outcome;
 }
 }  // namespace truepose

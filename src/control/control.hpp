@@ -1,8 +1,6 @@
 // One control cycle: readings and setpoint in, motor torques out.
 #pragma once
 
-#include <algorithm>
-
 #include "control/dynamics.hpp"
 #include "control/law.hpp"
 #include "control/trajectory.hpp"
@@ -83,7 +81,7 @@ void track(const ControlSettings& settings, Real pole, Real reading, Real expect
 /// Limits a torque to the motor's.
 inline Real limited(const Chain& chain, Real torque) {
   const Real limit = chain.torque_limit;
-  return limit > 0 ? std::clamp(torque, -limit, limit) : torque;
+  return limit > 0 ? clamp(torque, -limit, limit) : torque;
 }
 
 /// Runs one cycle. Bounded work, no allocation, no exception, no lock.

@@ -1,10 +1,9 @@
 // Distance a loop has driven its motor since the motor's reading last changed.
 //
-// The reading feigns an error, the motion of the setpoint since then. The loop drives the motor off
-// by ∬ kp δ + kd dδ/dt; an error at which it may rest (friction, counts) drives nothing.
+// The frozen reading causes a phantom error, the motion of the setpoint since then. The loop drives
+// the motor off by ∬ kp δ + kd dδ/dt; an error at which it may rest (friction, counts) drives
+// nothing.
 #pragma once
-
-#include <algorithm>
 
 #include "math/real.hpp"
 
@@ -14,7 +13,7 @@ inline constexpr int kMostCounted = 1000;  ///< cycles without a change that are
 /// rad or m, and s.
 struct DrivenWay {
   Real from = 0;   ///< the setpoint when the reading changed last
-  Real error = 0;  ///< that the reading feigns, beyond one at which the motor may rest,
+  Real error = 0;  ///< phantom error beyond one at which the motor may rest,
   Real speed = 0;  ///< to which that drives the motor,
   Real way = 0;    ///< and the way
   int cycles = 0;  ///< with such an error
@@ -26,9 +25,9 @@ struct DrivenWay {
     Real away = setpoint - from;
     if (off != 0 && !(off * away >= away * away)) away = off * away > 0 ? off : 0;
     const Real last = error;
-    error = away - std::clamp(away, -rests, rests);
+    error = away - clamp(away, -rests, rests);
     speed = error == 0 ? 0 : speed + period * kp * error + kd * (error - last);
-    cycles = error == 0 ? 0 : std::min(cycles + 1, kMostCounted);
+    cycles = error == 0 ? 0 : min(cycles + 1, kMostCounted);
     return way += period * speed;
   }
 };

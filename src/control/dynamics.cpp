@@ -13,7 +13,7 @@ Twist drifting(const Carried& carried, const Coordinates& rate) {
       after = swept[j];
     }
     Vec3 omega = Vec3::Zero();  // of the frame that carries axis j
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       const Vec3 turned = omega.cross(carried.axis[j]);
       // D - p_j changes by the turn of the frame and by the axes from j on.
       const Vec3 arm = omega.cross(carried.arm[j]) + swept[j];
@@ -38,7 +38,7 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
     drift.omega += known.omega;
   }
   const Vec3 g = robot.gravity;
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     model.bias[i] = 0;
     for (int j = 0; j <= i && M; ++j) model.mass[i][j] = 0;
   }
@@ -58,7 +58,7 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
     moment += l.cross(f);
   };
 
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     const Chain& chain = robot.chain[i];
     const ChainState& at = closure.chain[i];
     auto& k = model.k[i];
@@ -70,7 +70,7 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
     const Vec3 dB = slope * at.dB;
     model.slope[i] = slope;
     Real qd = 0;
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       k[j] *= per_jq;
       qd += k[j] * rate[j];
     }
@@ -99,21 +99,20 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
     hang(m3, at.lever, fA);
     const Real carried = chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
     const Real own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
-    for (int row = 0; row < n; ++row) model.bias[row] += k[row] * own;
+    for (int row : range(n)) model.bias[row] += k[row] * own;
     if (!M) continue;
     Coordinates b;  // J_Aᵀ ∂B/∂q
     free_row(twists, dB, at.lever.cross(dB), b.data());
     const Real kk = chain.drive_inertia + m3 * dB.squaredNorm();
-    for (int row = 0; row < n; ++row) {
+    for (int row : range(n)) {
       const Real kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
-      for (int column = 0; column <= row; ++column)
-        model.mass[row][column] += kr * k[column] + br * b[column];
+      for (int column : range(row + 1)) model.mass[row][column] += kr * k[column] + br * b[column];
     }
   }
 
   const Mat3& R = closure.placed().R;
   Mat3 inertia = Mat3::Zero();  // of the bodies about their centres, platform frame
-  for (int i = 0; i < robot.bodies; ++i) {
+  for (int i : range(robot.bodies)) {
     const Body& body = robot.body[i];
     const Vec3 l = R * body.pivot;
     const Vec3 centripetal =
@@ -126,26 +125,26 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
 
   Coordinates wrench;
   free_row(twists, force, moment, wrench.data());
-  for (int row = 0; row < n; ++row) model.bias[row] += wrench[row];
+  for (int row : range(n)) model.bias[row] += wrench[row];
   if (!M) return {};
 
   // [m, -[Σml]×; [Σml]×, about D], its free rows and columns.
   const Mat3 about = inertia + second.trace() * Mat3::Identity() - second;
   const Mat3 cross =
       Mat3::of(0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0);
-  for (int row = 0; row < n; ++row) {
+  for (int row : range(n)) {
     if (is_rotational(robot.mobility)) {  // Tᵀ of all this T
       const Vec3 &linear = twists.linear[row], &turn = twists.axis[row];
       const Vec3 pushed = mass * linear + turn.cross(first);
       const Vec3 twisted = first.cross(linear) + about * turn;
-      for (int column = 0; column <= row; ++column) {
+      for (int column : range(row + 1)) {
         model.mass[row][column] +=
             pushed.dot(twists.linear[column]) + twisted.dot(twists.axis[column]);
         model.mass[column][row] = model.mass[row][column];
       }
     } else {
       const int i = free_columns(robot.mobility)[row];
-      for (int column = 0; column <= row; ++column) {
+      for (int column : range(row + 1)) {
         const int j = free_columns(robot.mobility)[column];
         if (i < 3)
           model.mass[row][column] += i == j ? mass : 0;
@@ -161,9 +160,9 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
 Joint motor_torques(int n, int motors, const Square& J, const Coordinates& force,
                     const Joint& slope) {
   Joint torque{};
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < motors; ++j) torque[j] += J[i][j] * force[i];
-  for (int j = 0; j < motors; ++j) torque[j] *= slope[j];
+  for (int i : range(n))
+    for (int j : range(motors)) torque[j] += J[i][j] * force[i];
+  for (int j : range(motors)) torque[j] *= slope[j];
   return torque;
 }
 
@@ -171,8 +170,8 @@ Joint inverse_dynamics(const DynamicModel& model, const Square& J,
                        const Coordinates& acceleration) {
   const int n = model.n;
   Coordinates force = model.bias;
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) force[i] += model.mass[i][j] * acceleration[j];
+  for (int i : range(n))
+    for (int j : range(n)) force[i] += model.mass[i][j] * acceleration[j];
   return motor_torques(n, model.motors, J, force, model.slope);
 }
 
@@ -180,10 +179,10 @@ Square joint_inertia(const DynamicModel& model, const Square& J) {
   const int n = model.n;
   Square inertia{};
   const int motors = model.motors;
-  for (int m = 0; m < motors; ++m)
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j)
-        for (int l = 0; l < motors; ++l) inertia[m][l] += J[i][m] * model.mass[i][j] * J[j][l];
+  for (int m : range(motors))
+    for (int i : range(n))
+      for (int j : range(n))
+        for (int l : range(motors)) inertia[m][l] += J[i][m] * model.mass[i][j] * J[j][l];
   return inertia;
 }
 
@@ -192,13 +191,12 @@ Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates
   Closure closure;
   Jacobians jacobians;
   DynamicModel model;
-  Outcome outcome = ikm(robot, pose, closure, false);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  Outcome outcome = jacobian_at(robot, pose, closure, jacobians, false);
   if (outcome) outcome = dynamic_model(robot, closure, rate, model, &acceleration);
   if (!outcome) return outcome;
   torque = motor_torques(model.n, model.motors, jacobians.J, model.bias, model.slope);
-  for (int i = 0; i < robot.motors; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
-  if (!all_finite(torque, robot.motors)) return {Status::not_finite, -1};
+  for (int i : range(robot.motors)) torque[i] += friction(robot.chain[i], model.rate[i]);
+  if (!all_finite(torque, robot.motors)) return {Status::not_finite};
   return outcome;
 }
 
@@ -210,8 +208,8 @@ Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mass) {
   if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   Real sum = 0;
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) sum += mass[i][j] = model.mass[i][j];
-  return std::isfinite(sum) ? outcome : Outcome{Status::not_finite, -1};
+  for (int i : range(n))
+    for (int j : range(n)) sum += mass[i][j] = model.mass[i][j];
+  return isfinite(sum) ? outcome : Outcome{Status::not_finite};
 }
 }  // namespace truepose

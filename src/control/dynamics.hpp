@@ -43,6 +43,26 @@ Joint inverse_dynamics(const DynamicModel& model, const Square& J, const Coordin
 /// Joint inertia JᵀMJ, of the motors' readings.
 Square joint_inertia(const DynamicModel& model, const Square& J);
 
+/// The model at a pose at rest.
+struct AtRest {
+  Jacobians jacobians;
+  Closure closure;
+  DynamicModel model;
+  Square inertia;  ///< of the motors
+
+  Outcome find(const Robot& robot, const Pose& pose) {
+    Outcome outcome = jacobian_at(robot, pose, closure, jacobians);
+    if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
+    if (outcome) inertia = joint_inertia(model, jacobians.J);
+    return outcome;
+  }
+  /// Speed of the reference point (on passive axes: of the axes) per speed of a motor.
+  Real lever(int motor) const {
+    return sqrt(sum_of(positions_of(closure.carried.mobility),
+                       [&](int j) { return jacobians.J[j][motor] * jacobians.J[j][motor]; }));
+  }
+};
+
 /// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) to
 /// keep the integration regular; a robot at rest creeps below that speed.
 inline constexpr Real kStiction = 1e-3;
@@ -65,18 +85,18 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   if (!outcome) return outcome;
   const Joint torque = torque_of(closure, model);
   Coordinates force;
-  for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int j : range(n)) force[j] = -model.bias[j];
+  for (int i : range(robot.motors)) {
     const Real net = torque[i] - friction(robot.chain[i], model.rate[i]);
-    for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
+    for (int j : range(n)) force[j] += model.k[i][j] * net;
   }
   Coordinates size;
-  for (int j = 0; j < n; ++j) size[j] = model.mass[j][j];
+  for (int j : range(n)) size[j] = model.mass[j][j];
   const Ldlt factor(n, model.mass, size);
-  if (!factor.regular()) return {Status::singular, -1};
+  if (!factor.regular()) return {Status::singular};
   factor.solve(force);
-  for (int j = 0; j < n; ++j) acceleration[j] = force[j];
-  if (!all_finite(acceleration, n)) return {Status::not_finite, -1};
+  for (int j : range(n)) acceleration[j] = force[j];
+  if (!all_finite(acceleration, n)) return {Status::not_finite};
   return outcome;
 }
 

@@ -16,7 +16,7 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
   if (!outcome) return outcome;
   Coordinates size;
   bool limited = true;
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     size[i] = model.mass[i][i];
     limited = limited && robot.chain[i].torque_limit > 0;
   }
@@ -25,13 +25,13 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
   for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
     Coordinates acceleration{};
     const Real torque = force < n ? robot.chain[force].torque_limit : 1;
-    for (int j = 0; j < n; ++j)
+    for (int j : range(n))
       acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
     mass.solve(acceleration);
-    for (int c = 0; c < readings(robot); ++c) {
+    for (int c : range(readings(robot))) {
       Real moves = 0;
-      for (int j = 0; j < n; ++j) moves += H_x[c][j] * acceleration[j];
-      most[c] += std::fabs(moves);
+      for (int j : range(n)) moves += H_x[c][j] * acceleration[j];
+      most[c] += fabs(moves);
     }
   }
   return Outcome{};

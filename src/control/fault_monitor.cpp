@@ -16,7 +16,7 @@ MonitoredCycle::MonitoredCycle(const Robot& robot, const FaultMonitorSettings& s
       monitor(monitor),
       believed(believed),
       late(late) {
-  for (int c = 0; c < rows; ++c) noise[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
+  for (int c : range(rows)) noise[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
 }
 
 bool MonitoredCycle::motors_valid() const {
@@ -46,7 +46,7 @@ Outcome MonitoredCycle::run() {
   if (!placed && first_cycle) return placed;
   if (!placed && monitor.cycle == monitor.began) ++monitor.began;
   if (placed) {
-    for (int c = 0; c < rows; ++c)
+    for (int c : range(rows))
       if (without & bit(c)) exclude(c);
     if (r > 0 && monitor.cycle - monitor.began > kSettling) test_parity();
     if (without) substitute();
@@ -80,7 +80,7 @@ int MonitoredCycle::update() {
   int first = -1;
   std::uint32_t gone = 0;
   const bool motors = monitor.placed && motors_valid();  // whether they give the pose
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     MonitoredReading& reading = monitor.reading[c];
     // With a lost motor the robot does not follow its setpoint. While it stops on an undecided
     // fault it does: the faulty motor may still be isolated.
@@ -120,7 +120,7 @@ int MonitoredCycle::update() {
 
 void MonitoredCycle::update_parity() {
   const bool holds = monitor.doubted || symptomatic;  // no correction by a possible fault
-  for (int k = 0; k < r; ++k) {
+  for (int k : range(r)) {
     Tracker& tracker = monitor.parity[k];
     const Real value = parity.value[k], change = value - tracker.predicted(settings.period);
     if (monitor.cycle == monitor.began) tracker = {monitor.usual[k] = value, 0};
@@ -134,8 +134,8 @@ void MonitoredCycle::update_parity() {
 Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
                        const Weighing& weighing, const Joint& desired, const Extended& q_e,
                        FaultMonitor& monitor, Extended& believed, Multirate* late) {
-  if (!robot.finished) return {Status::unfinished, -1};
-  if (!weighing) return {Status::not_measured, -1};
+  if (!robot.finished) return {Status::unfinished};
+  if (!weighing) return {Status::not_measured};
   return fault_monitor_detail::MonitoredCycle(robot, settings, weighing, desired, q_e, monitor,
                                               believed, late)
       .run();

@@ -4,12 +4,12 @@
 namespace truepose {
 void prepare(FaultMonitorSettings& settings) {
   const Real each = settings.false_alarm / 2;
-  for (int k = 1; k <= kMaxSensors; ++k) settings.chi2[k] = chi2_beyond(each, k);
-  settings.sigmas = std::sqrt(settings.chi2[1]);
+  for (int k : range(1, kMaxSensors + 1)) settings.chi2[k] = chi2_beyond(each, k);
+  settings.sigmas = sqrt(settings.chi2[1]);
   settings.decisive = 0.5 * settings.chi2[1];
   settings.own = tracker_gains(kOwnPole);
   settings.together = tracker_gains(kParityPole);
-  settings.refresh = std::max(1, settings.refresh);
+  settings.refresh = max(1, settings.refresh);
 }
 
 void acknowledge(FaultMonitor& monitor, int reading) {

@@ -83,7 +83,7 @@ struct Standstill {
   bool stuck = false;        ///< too far from its model: extrapolated until it changes or fails
 
   /// Whether it may be a frozen encoder that drives its motor away.
-  bool feigns() const { return cycles >= kStill && driven.error != 0; }
+  bool may_be_frozen() const { return cycles >= kStill && driven.error != 0; }
 };
 
 /// Following error of a motor, desired minus actual, rad or m.

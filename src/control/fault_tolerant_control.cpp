@@ -4,7 +4,7 @@
 namespace truepose {
 void PathClock::advance(Real period, Real stop) {
   if (stop > 0 && rate > 0) {
-    since = std::min(since + period / stop, Real{1});
+    since = min(since + period / stop, Real{1});
     const Real next = 1 - since * since * (3 - 2 * since);  // smooth at both ends
     slowing = (next - rate) / period;
     time += 0.5 * (rate + next) * period;
@@ -44,7 +44,7 @@ void check(const Robot& robot, const SafetyLimits& limits, const Setpoint& setpo
   CheckedCycle cycle{setpoint.x,   state.q_d,   motors_of(robot, q_e), answer,
                      state.torque, state.error, fault_state.frame,     {},
                      monitor.held};
-  for (int i = 0; i < n; ++i)
+  for (int i : range(n))
     if (monitor.reading[i].health == Health::failed || monitor.reading[i].extrapolated.cycles > 0)
       cycle.unused |= bit(i);
   Violations found =
@@ -54,7 +54,7 @@ void check(const Robot& robot, const SafetyLimits& limits, const Setpoint& setpo
   if (!found.causes) return;
   if (fault_state.cause == StopCause::none) {
     fault_state.cause = found.first();
-    fault_state.part = found.part[static_cast<std::size_t>(fault_state.cause)];
+    fault_state.part = found.part[std::size_t(fault_state.cause)];
   }
   fault_state.stops = true;
   fault_state.brakes = bit(n) - 1;
@@ -90,7 +90,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   if (monitored) {
     ControlSettings now = settings;
     std::uint32_t failed = 0;
-    for (int c = 0; c < n + robot.r; ++c)
+    for (int c : range(n + robot.r))
       failed |= monitor.reading[c].health == Health::failed ? bit(c) : 0;
     const bool reweigh = failed || late;
     if (reweigh) fault_state.known = *weighing.known;
@@ -125,12 +125,12 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
         (!state.started || !inverse_dynamics(robot, to_pose(robot.mobility, fault_state.at), {}, {},
                                              fault_state.weight)))
       fault_state.weight = {};
-    for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], fault_state.weight[i]);
+    for (int i : range(n)) state.torque[i] = limited(robot.chain[i], fault_state.weight[i]);
     state.error = state.error_rate = state.integral = {};  // blends in after acknowledge()
   } else if (outcome) {
     fault_state.at = setpoint.x;
   } else {  // hold the last torques, without the PD of a motor lost now
-    for (int i = 0; i < n; ++i)
+    for (int i : range(n))
       if (fault_state.brakes & bit(i)) state.torque[i] = limited(robot.chain[i], state.load[i]);
   }
   return outcome && monitored.status == Status::disagree ? monitored : outcome;

@@ -14,12 +14,12 @@ FrameAge FrameClock::advance(FrameMark mark, Real per, std::uint64_t mask, int a
     behind = 0;
     return FrameAge::backwards;
   }
-  const Real advance = static_cast<Real>(static_cast<std::int64_t>(ahead)) / per;
+  const Real advance = Real(std::int64_t(ahead)) / per;
   const Real older = behind + 1 - advance;
-  jitter = std::max(jitter, std::abs(advance - 1));
+  jitter = max(jitter, std::abs(advance - 1));
   const Real most = age + kJitter;
   const bool old = older - kClockDrift > most;
-  behind = std::clamp(older - kClockDrift, Real{0}, most);
+  behind = clamp(older - kClockDrift, Real{0}, most);
   if (old) return FrameAge::old;
   if (older < -most) return FrameAge::dropped;
   return ahead == 0 ? FrameAge::repeated : FrameAge::fresh;

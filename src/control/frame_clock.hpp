@@ -1,8 +1,6 @@
 // Age of frames of readings, from their counter or timestamp.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <cstdint>
 
 #include "math/real.hpp"

@@ -6,7 +6,7 @@ namespace {
 /// The joints' values as coordinates.
 Coordinates free(const Joint& of) {
   Coordinates values;
-  std::copy_n(of.begin(), kMaxDof, values.begin());
+  copy_first(kMaxDof, of, values);
   return values;
 }
 }  // namespace
@@ -20,13 +20,12 @@ Outcome joint_state(const Robot& robot, const AxisState& motors, int cap, AxisSt
   if (!all_finite(motors.velocity, m) || !all_finite(motors.torque, m)) return {Status::not_finite};
   Closure closure;
   Jacobians at;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, x), closure, false);
-  if (outcome) outcome = jacobian(closure, at);
+  const Outcome outcome = jacobian_at(robot, to_pose(robot.mobility, x), closure, at, false);
   if (!outcome) return outcome;
   joints = {};
-  std::copy_n(x.begin(), n, joints.position.begin());
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < m; ++j) {
+  copy_first(n, x, joints.position);
+  for (int i : range(n))
+    for (int j : range(m)) {
       joints.velocity[i] += at.J[i][j] * motors.velocity[j];
       joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
     }
@@ -47,15 +46,13 @@ Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisSta
   Jacobians at;
   AxisCommand result;
   Outcome outcome = command(Level::ideal, robot, desired, result.state.position);
-  if (outcome) outcome = ikm(robot, desired, closure, false);
-  if (outcome) outcome = jacobian(closure, at);
+  if (outcome) outcome = jacobian_at(robot, desired, closure, at, false);
   if (outcome) result.state.velocity = at.joint_rate(free(wanted.state.velocity));
-  if (outcome) outcome = ikm(robot, now, closure, false);
-  if (outcome) outcome = jacobian(closure, at);
+  if (outcome) outcome = jacobian_at(robot, now, closure, at, false);
   if (!outcome) return outcome;
   const Coordinates away = difference(robot.mobility, desired, now);
-  for (int j = 0; j < robot.motors; ++j) {
-    for (int i = 0; i < n; ++i) {
+  for (int j : range(robot.motors)) {
+    for (int i : range(n)) {
       const Real J = at.J[i][j];
       result.kp[j] += J * J * wanted.kp[i];
       result.kd[j] += J * J * wanted.kd[i];

@@ -79,7 +79,7 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
     innovation(robot, q_e, expected, e);
     const Real chi2 = at.step(robot, e, step);
     Real size = 0;
-    for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
+    for (int i : range(n)) size = max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     pose = moved(robot.mobility, pose, step);
     if (is_last(size, last, chi2, n + robot.r) || is_late(size, kNearIterations - left, counted))
@@ -94,34 +94,34 @@ Outcome find_by_cache(const Robot& robot, const Weighing& weighing, const Refere
 }
 
 /// x̂ of the estimated law.
-Outcome find(const Robot& robot, const Weighing& weighing, Reference reference, const Extended& q_e,
-             Ongoing& on, Pose& found) {
+Outcome search_pose(const Robot& robot, const Weighing& weighing, Reference reference,
+                    const Extended& q_e, PoseSearch& on, Pose& found) {
   if (reference.mark && on.steps < 0) {
     const Pose& desired = reference.closure.pose;
     Outcome near = find_by_cache(robot, weighing, reference, q_e, reference.rest, found);
     const int left = reference.rest.left;
-    if (near) end(robot, desired, found, false, on);
+    if (near) note_found(robot, desired, found, false, on);
     // The next cycle searches with fresh weights.
     else if (left != kUncounted)
-      near = go_on(robot, desired, found, 0, on, found);
+      near = note_unfinished(robot, desired, found, 0, on, found);
     on.left = left;
     if (near || left != kUncounted) return near;
   }
   ReadingCovariance C;
   const Outcome outcome = fresh_weights(robot, weighing, reference, C);
   const Expected desired{reference.closure.pose, reference.q_e, reference.H_x};
-  return outcome ? find(robot, *weighing.known, C, desired, q_e, reference.rest, on, found)
+  return outcome ? search_pose(robot, *weighing.known, C, desired, q_e, reference.rest, on, found)
                  : outcome;
 }
 
 /// x̂ of a law of the pose; not inlined: its stack is none of the other laws'. @param on  as of
-/// `find`
+/// `search_pose`
 [[gnu::noinline]] Outcome found_pose(const Robot& robot, Law law, const Weighing& weighing,
-                                     const Reference& reference, const Extended& q_e, Ongoing& on,
-                                     Pose& found) {
+                                     const Reference& reference, const Extended& q_e,
+                                     PoseSearch& on, Pose& found) {
   if (law == Law::cartesian)
     return redundant_fkm(robot, q_e, reference.closure.pose, reference.rest, on, found);
-  return find(robot, weighing, reference, q_e, on, found);
+  return search_pose(robot, weighing, reference, q_e, on, found);
 }
 
 /// M⁺ of the reference; not inlined: M leaves the stack with it.
@@ -171,11 +171,11 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
 }
 
 Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
-                    Joint& error, Pose& found, const Weighing& weighing, Ongoing* search) {
+                    Joint& error, Pose& found, const Weighing& weighing, PoseSearch* search) {
   const int m = robot.motors;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
-    Ongoing alone;
+    PoseSearch alone;
     const Outcome outcome =
         found_pose(robot, law, weighing, reference, q_e, search ? *search : alone, found);
     if (outcome)
@@ -183,17 +183,17 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
     return outcome;
   }
   std::array<Real, kMaxReadings> e_qe;
-  for (int i = 0; i < m; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
+  for (int i : range(m)) e_qe[i] = reference.q_e[i] - q_e[i];
   if (corrects == Corrects::motors) {
-    for (int i = 0; i < m; ++i) error[i] = e_qe[i];
+    for (int i : range(m)) error[i] = e_qe[i];
     // Without what no motion of the platform corrects, against which the motors would only strain.
     if (overdriven(robot))
       error = reference.jacobians.joint_rate(pose_rate(reference.jacobians, error));
   } else {
-    for (int k = m; k < m + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];
-    for (int i = 0; i < m; ++i) {
+    for (int k : range(m, m + robot.r)) e_qe[k] = reference.q_e[k] - q_e[k];
+    for (int i : range(m)) {
       error[i] = 0;
-      for (int c = 0; c < m + robot.r; ++c) error[i] += reference.tej[i][c] * e_qe[c];
+      for (int c : range(m + robot.r)) error[i] += reference.tej[i][c] * e_qe[c];
     }
   }
   return {};
@@ -222,11 +222,10 @@ Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const E
   *cycle = {};
   cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
   cycle->error = e;
-  for (int i = 0; i < n; ++i) std::copy_n(reference.jacobians.J[i].begin(), m, cycle->J[i].begin());
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(n)) copy_first(m, reference.jacobians.J[i], cycle->J[i]);
+  for (int i : range(m)) {
     cycle->q_d[i] = reference.q_e[i];
-    if (corrects == Corrects::readings)
-      std::copy_n(reference.tej[i].begin(), m + robot.r, cycle->tej[i].begin());
+    if (corrects == Corrects::readings) copy_first(m + robot.r, reference.tej[i], cycle->tej[i]);
   }
   return regular;
 }

@@ -20,7 +20,7 @@ enum class Law : int {
 enum class Corrects : int {
   motors = 0,    ///< e_q of the motors' own readings
   readings = 1,  ///< all readings, mapped by a TEJ (see `refer`)
-  pose = 2,      ///< x_d - x̂ (of `redundant_fkm` or `find`), mapped by J⁻¹
+  pose = 2,      ///< x_d - x̂ (of `redundant_fkm` or `search_pose`), mapped by J⁻¹
 };
 
 /// Properties of a law.
@@ -45,9 +45,7 @@ inline constexpr std::array kLawTable{
 };  // the last row
 static_assert(in_order(kLawTable, &LawProperties::law));
 
-constexpr const LawProperties& properties(Law law) {
-  return kLawTable[static_cast<std::size_t>(law)];
-}
+constexpr const LawProperties& properties(Law law) { return kLawTable[std::size_t(law)]; }
 
 /// Inputs of laws that weigh, besides the robot. One per running controller: `work` is written to.
 struct Weighing {
@@ -91,7 +89,7 @@ struct Reference {
 
 /// What a controller keeps for its next cycle.
 struct Nearby : Parasitic {
-  Ongoing search;  ///< for x̂
+  PoseSearch search;  ///< for x̂
 };
 
 /// Computes a law's reference at x_d.
@@ -109,7 +107,7 @@ Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference& re
 /// @param search  null, or where that for x̂ starts, then where the next one does
 Outcome motor_error(const Robot& robot, Law law, const Reference& reference, const Extended& q_e,
                     Joint& error, Pose& found, const Weighing& weighing = {},
-                    Ongoing* search = nullptr);
+                    PoseSearch* search = nullptr);
 
 /// Outputs of a servo cycle.
 struct ServoCycle {

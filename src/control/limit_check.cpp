@@ -4,7 +4,7 @@
 namespace truepose {
 void Violations::add(bool violated, StopCause cause, int motor) {
   if (!violated) return;
-  if (!(causes & bit_of(cause))) part[static_cast<std::size_t>(cause)] = motor;
+  if (!(causes & bit_of(cause))) part[std::size_t(cause)] = motor;
   causes |= bit_of(cause);
 }
 
@@ -23,7 +23,7 @@ constexpr Real kStuckStill = 7, kStuckTracking = 0.1;
 
 /// Adds or takes off a period of a time that a condition has held.
 void hold_time(bool holds, Real period, Real& time) {
-  time = std::max(time + (holds ? period : -period), Real{0});
+  time = max(time + (holds ? period : -period), Real{0});
 }
 
 /// The checks of one cycle.
@@ -38,7 +38,7 @@ struct Check {
   Violations found = {};
 
   const Joint& past(int cycles) const {
-    return state.past[(state.cycle - static_cast<unsigned>(cycles)) % kMostWindow];
+    return state.past[(state.cycle - unsigned(cycles)) % kMostWindow];
   }
   Real advance(DrivenWay& way, int i) const {
     return way.advance(limits.period, limits.kp[i], limits.kd[i], cycle.q_d[i], cycle.error[i],
@@ -48,13 +48,13 @@ struct Check {
   template <class Condition>
   std::uint32_t motors(Condition&& condition) const {
     std::uint32_t bits = 0;
-    for (int i = 0; i < n; ++i) bits |= static_cast<std::uint32_t>(condition(i)) << i;
+    for (int i : range(n)) bits |= std::uint32_t(condition(i)) << i;
     return bits;
   }
   /// The first motor for which a condition holds; n: none.
   template <class Condition>
   int first(Condition&& condition) const {
-    for (int i = 0; i < n; ++i)
+    for (int i : range(n))
       if (condition(i)) return i;
     return n;
   }
@@ -69,7 +69,7 @@ struct Check {
     const std::uint32_t bit_here = bit_of(cause);
     if (first(condition) == n && !(state.timed & bit_here)) return;
     state.timed &= ~bit_here;
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       hold_time(condition(i), limits.period, time[i]);
       if (!(time[i] <= 0)) state.timed |= bit_here;
     }
@@ -77,7 +77,7 @@ struct Check {
   }
 
   void check_frame() {
-    const int bits = std::clamp(limits.counter_bits, 1, 64);
+    const int bits = clamp(limits.counter_bits, 1, 64);
     note_age(state.counter.advance(cycle.counter, 1, ~std::uint64_t{0} >> (64 - bits), limits.age));
     note_age(state.time.advance(cycle.time, limits.period * 1e9, ~std::uint64_t{0}, limits.age));
     const Joint& last = past(1);
@@ -89,25 +89,25 @@ struct Check {
     }
     if (!cycle.answer) return;
     if (state.same == 0)
-      for (int i = 0; i < n; ++i) {
+      for (int i : range(n)) {
         constexpr int kBack = kMostWindow - 1;
         const bool full = state.have[i] == kMostWindow;
-        state.pace[i] = full ? std::fabs(last[i] - past(kMostWindow)[i]) / kBack : 0;
+        state.pace[i] = full ? fabs(last[i] - past(kMostWindow)[i]) / kBack : 0;
         state.frame[i] = {state.wanted[i]};
       }
-    state.same = std::min(state.same + 1, kMostCounted);
+    state.same = min(state.same + 1, kMostCounted);
     bool moved = false;
     Real unseen = 0;  // Σ of squares, beyond the count that each motor may move unseen
-    for (int i = 0; i < n; ++i) {
-      const Real asked = std::fabs(cycle.q_d[i] - state.frame[i].from);
+    for (int i : range(n)) {
+      const Real asked = fabs(cycle.q_d[i] - state.frame[i].from);
       const Real still = limits.still[i], expected = state.pace[i] * state.same;
       // A robot at rest may start late, but not one that just moved, faster than by its noise.
       const bool just =
           state.pace[i] > kLeastPace * still && (state.same <= kMostWindow || expected < 3 * still);
-      const Real beyond = std::min(asked, expected) - kOneCount * still;
+      const Real beyond = min(asked, expected) - kOneCount * still;
       if (just && beyond > 0) unseen += beyond * beyond / (still * still);
       const Real way = advance(state.frame[i], i);
-      moved = moved || !(std::fabs(way) <= still);
+      moved = moved || !(fabs(way) <= still);
     }
     moved = moved || unseen > (1 - kOneCount) * (1 - kOneCount);
     found.fresh = found.fresh && !moved;
@@ -127,8 +127,8 @@ struct Check {
       state.alike |= bit(i);
       const Real way = advance(state.alone[i], i);
       return state.alone[i].cycles >= kFrozen &&
-             !(std::fabs(way) <=
-               std::max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
+             !(fabs(way) <=
+               max(kStuckStill * limits.still[i], kStuckTracking * limits.tracking[i]));
     });
   }
 
@@ -145,7 +145,7 @@ struct Check {
     const std::uint32_t used = (bit(n) - 1) & ~cycle.unused, read = valid & used;
     if (read != used || state.unread) {
       state.unread = used & ~valid;
-      for (int i = 0; i < n; ++i)
+      for (int i : range(n))
         state.missing[i] = state.unread & bit(i) ? state.missing[i] + limits.period : 0;
       flag(StopCause::missing_reading,
            [&](int i) { return !(state.missing[i] <= limits.missing); });
@@ -156,21 +156,21 @@ struct Check {
     });
     // The difference of two readings is exact to a count, and their noise. A repeated frame may be
     // one end of it: then over as many cycles as there are.
-    state.uneven = found.fresh ? std::max(state.uneven - 1, 0) : kMostWindow;
+    state.uneven = found.fresh ? max(state.uneven - 1, 0) : kMostWindow;
     const int late = state.uneven > 0 ? limits.age : 0;
-    const int window = late ? kMostWindow : std::min(limits.window, kMostWindow);
+    const int window = late ? kMostWindow : min(limits.window, kMostWindow);
     const Joint& before = past(window);
     const auto too_fast = [&](int i, Real from, int cycles) {
       const Real most = limits.speed[i] * (limits.period * (cycles + late)) + limits.count[i];
-      return !(std::fabs(cycle.q[i] - from) <= most);
+      return !(fabs(cycle.q[i] - from) <= most);
     };
     flag(StopCause::overspeed, [&](int i) {
       const int m = state.have[i];
       return read & bit(i) &&
              (m >= window ? too_fast(i, before[i], window) : m > 0 && too_fast(i, past(m)[i], m));
     });
-    for (int i = 0; i < n; ++i) {
-      state.have[i] = read & bit(i) ? std::min(state.have[i] + 1, kMostWindow) : 0;
+    for (int i : range(n)) {
+      state.have[i] = read & bit(i) ? min(state.have[i] + 1, kMostWindow) : 0;
     }
     state.past[state.cycle % kMostWindow] = cycle.q;
   }
@@ -182,26 +182,24 @@ struct Check {
       return;
     }
     state.unanswered = 0;
-    for (int j = 0; j < freedoms; ++j) {
+    for (int j : range(freedoms)) {
       const Real x = cycle.x[j], low = limits.box_low[j], high = limits.box_high[j];
       found.add(low < high && !(x >= low && x <= high), StopCause::workspace);
     }
     flag(StopCause::tracking_error,
-         [&](int i) { return !(std::fabs(cycle.error[i]) <= limits.tracking[i]); });
+         [&](int i) { return !(fabs(cycle.error[i]) <= limits.tracking[i]); });
     if (found.fresh)
       flag(StopCause::tracking_error, [&](int i) {
-        return state.have[i] > 0 && !(std::fabs(cycle.q_d[i] - cycle.q[i]) <= limits.deviation[i]);
+        return state.have[i] > 0 && !(fabs(cycle.q_d[i] - cycle.q[i]) <= limits.deviation[i]);
       });
     if (acts) {
       const Real T = limits.period;
-      flag(StopCause::setpoint_speed, [&](int i) {
-        return !(std::fabs(cycle.q_d[i] - state.wanted[i]) <= limits.speed[i] * T);
-      });
+      flag(StopCause::setpoint_speed,
+           [&](int i) { return !(fabs(cycle.q_d[i] - state.wanted[i]) <= limits.speed[i] * T); });
       flag_held(StopCause::saturation, limits.saturation, state.saturated,
-                [&](int i) { return !(std::fabs(cycle.torque[i]) < limits.torque[i]); });
-      flag_held(StopCause::torque_rate, limits.clipped, state.clipped, [&](int i) {
-        return !(std::fabs(cycle.torque[i] - applied[i]) <= limits.slew[i] * T);
-      });
+                [&](int i) { return !(fabs(cycle.torque[i]) < limits.torque[i]); });
+      flag_held(StopCause::torque_rate, limits.clipped, state.clipped,
+                [&](int i) { return !(fabs(cycle.torque[i] - applied[i]) <= limits.slew[i] * T); });
     } else {
       state.saturated = state.clipped = {};
     }

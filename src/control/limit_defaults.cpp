@@ -2,35 +2,64 @@
 // of a stop.
 #include "control/limit_defaults.hpp"
 
-namespace truepose::safety_detail {
-Unmarked::Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace,
-                   Real rests) {
-  const Real T = limits.period;
-  Real error = 0, pushed = 0, seen = 0;  // of that motor
-  while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
-    ++cycles;
-    const Real next = std::max(pace * cycles - rests, Real{0});
-    pushed += T * kp * next + kd * (next - error);
-    seen += T * pushed;
-    error = next;
-    gained += T * (kp * cycles * T + kd) * speed;
-    way += T * gained;
-  }
-}
+namespace truepose {
+namespace {
+using namespace safety_detail;
 
+/// Frozen cycles until the loop opens, and the speed and way of the platform by the loop until
+/// then, without a mark of the frames. @param pace  of the motor that is fastest in counts, over
+/// its `still`
+struct Unmarked {
+  int cycles = 0;
+  Real gained = 0, way = 0;
+  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests) {
+    const Real T = limits.period;
+    Real error = 0, pushed = 0, seen = 0;  // of that motor
+    while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
+      ++cycles;
+      const Real next = max(pace * cycles - rests, Real{0});
+      pushed += T * kp * next + kd * (next - error);
+      seen += T * pushed;
+      error = next;
+      gained += T * (kp * cycles * T + kd) * speed;
+      way += T * gained;
+    }
+  }
+};
+
+/// A motor's travel: between its stops; without stops a quarter turn, or the rod's length.
 Real travel(const Chain& chain) {
-  if (std::isfinite(chain.low) && std::isfinite(chain.high)) return chain.high - chain.low;
-  if (chain.actuator == Actuator::revolute) return std::numbers::pi_v<Real> / 2;
+  if (isfinite(chain.low) && isfinite(chain.high)) return chain.high - chain.low;
+  if (chain.actuator == Actuator::revolute) return kPi / 2;
   return chain.rod > 0 ? chain.rod : 1;
 }
-}  // namespace truepose::safety_detail
+/// Least speed of the fastest motor over its `still`, per speed of the platform: of 13 directions.
+Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimits& limits) {
+  Real least = INFINITY;
+  for (int direction : range(1, 27)) {
+    std::array<Real, 3> d{};
+    Real size = 0, most = 0;
+    for (int j = 0, code = direction; j < positions_of(robot.mobility); ++j, code /= 3) {
+      d[j] = code % 3 - 1;
+      size += d[j] * d[j];
+    }
+    if (size == 0) continue;
+    for (int i : range(robot.motors)) {
+      Real rate = 0;
+      for (int j : range(positions_of(robot.mobility))) rate += model.k[i][j] * d[j];
+      most = max(most, fabs(rate) / limits.still[i] / sqrt(size));
+    }
+    least = min(least, most);
+  }
+  return least;
+}
+}  // namespace
 
-namespace truepose {
 Outcome default_limits(const Robot& robot, const ControlSettings& settings, SafetyLimits& limits) {
   const int n = dof(robot.mobility), motors = robot.motors;
-  safety_detail::AtHome home;
+  AtRest home;
   Extended most{};
-  Outcome outcome = home.find(robot);
+  Outcome outcome = home.find(robot, to_pose(robot.mobility, robot.home));
   if (outcome) outcome = fastest(robot, robot.home, most);
   if (!outcome) return outcome;
   limits = {};
@@ -41,113 +70,86 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
   Joint friction{};
   int window = 1;
   Real slowest = INFINITY, rest = 0;
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Chain& chain = robot.chain[i];
-    const Real inertia = std::fabs(home.model.slope[i]) * home.inertia[i][i];
+    const Real inertia = fabs(home.model.slope[i]) * home.inertia[i][i];
     const Real torque = chain.torque_limit;
     // Of an encoder that counts backwards both gains are negative.
-    const Real kp = std::fabs(settings.kp[i]) * (shaped ? inertia : 1);
+    const Real kp = fabs(settings.kp[i]) * (shaped ? inertia : 1);
     if (!(torque > 0 && kp > 0 && inertia > 0)) return Outcome{Status::no_such_value, i};
     limits.torque[i] = torque;
     limits.slew[i] = 2 * torque / kReaction;
     limits.tracking[i] = torque / kp;
     limits.deviation[i] = limits.tracking[i] + (corrects ? kUncalibrated / home.lever(i) : 0);
-    limits.speed[i] = std::sqrt(most[i] * safety_detail::travel(chain));
-    limits.count[i] = chain.encoder_step + 8 * std::sqrt(2.0) * chain.encoder_noise;
+    limits.speed[i] = sqrt(most[i] * travel(chain));
+    limits.count[i] = chain.encoder_step + 8 * sqrt(2.0) * chain.encoder_noise;
     limits.count[i] += by_precision(1e-9, 1e-5);  // rounding
     const Real per_cycle = 0.1 * limits.speed[i] * settings.period;
-    window = std::max(
-        window,
-        static_cast<int>(std::ceil(std::min<Real>(limits.count[i] / per_cycle, kMostWindow))));
+    window = max(window, int(std::ceil(min<Real>(limits.count[i] / per_cycle, kMostWindow))));
     limits.still[i] = 3 * limits.count[i];
     limits.kp[i] = kp / inertia;
-    limits.kd[i] = std::fabs(settings.kd[i]) / (shaped ? 1 : inertia);
+    limits.kd[i] = fabs(settings.kd[i]) / (shaped ? 1 : inertia);
     friction[i] = chain.coulomb > 0 ? 3 * chain.coulomb : kFriction * torque;
     limits.rests[i] = limits.count[i] + (shaped ? 0 : friction[i] / kp);
-    if (std::isfinite(chain.low) && std::isfinite(chain.high)) {
+    if (isfinite(chain.low) && isfinite(chain.high)) {
       const Real low = motor_reading(chain, chain.low), high = motor_reading(chain, chain.high);
-      limits.low[i] = std::min(low, high) - limits.count[i];
-      limits.high[i] = std::max(low, high) + limits.count[i];
+      limits.low[i] = min(low, high) - limits.count[i];
+      limits.high[i] = max(low, high) + limits.count[i];
     }
-    slowest = std::min(slowest, std::sqrt(kp / inertia));
-    rest = std::max(rest, limits.speed[i] * inertia / torque);
+    slowest = min(slowest, sqrt(kp / inertia));
+    rest = max(rest, limits.speed[i] * inertia / torque);
   }
   Coordinates size;
-  for (int l = 0; l < n; ++l) size[l] = home.model.mass[l][l];
+  for (int l : range(n)) size[l] = home.model.mass[l][l];
   const Ldlt factor(n, home.model.mass, size);
   for (int j = 0; j < motors && shaped; ++j) {  // one motor's friction moves the others, too
     Coordinates motion;
-    for (int l = 0; l < n; ++l) motion[l] = home.model.k[j][l] * friction[j];
+    for (int l : range(n)) motion[l] = home.model.k[j][l] * friction[j];
     factor.solve(motion);
-    for (int i = 0; i < motors; ++i) {
+    for (int i : range(motors)) {
       const Real error = sum_of(n, [&](int l) { return home.model.k[i][l] * motion[l]; });
-      limits.rests[i] += std::fabs(home.model.slope[i] * error / settings.kp[i]);
+      limits.rests[i] += fabs(home.model.slope[i] * error / settings.kp[i]);
     }
   }
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Real answer = sum_of(motors, [&](int j) {
       if (j != i && !shaped) return Real{0};
-      return std::fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
+      return fabs(home.model.slope[i] * home.inertia[i][j]) * limits.count[j] *
              (limits.kp[j] + limits.kd[j] * settings.velocity_bandwidth);
     });
-    const Real step = std::min(2.5 * answer, 2 * limits.torque[i]);
-    limits.slew[i] = std::max(limits.slew[i], step / settings.period);
+    const Real step = min(2.5 * answer, 2 * limits.torque[i]);
+    limits.slew[i] = max(limits.slew[i], step / settings.period);
   }
-  const int longest = static_cast<int>(0.008 / settings.period + 1e-6);
-  limits.window = std::clamp(window, 1, std::max(1, std::min(longest, kMostWindow)));
-  limits.age = std::clamp(static_cast<int>(kReaction / settings.period), 1, 2);
-  limits.saturation = std::max(5 / slowest, settings.period);
-  limits.standstill = std::max(rest, settings.period);
+  const int longest = int(0.008 / settings.period + 1e-6);
+  limits.window = clamp(window, 1, max(1, min(longest, kMostWindow)));
+  limits.age = clamp(int(kReaction / settings.period), 1, 2);
+  limits.saturation = max(5 / slowest, settings.period);
+  limits.standstill = max(rest, settings.period);
   return consistent(limits, motors, n);
 }
-}  // namespace truepose
 
-namespace truepose::safety_detail {
-Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimits& limits) {
-  Real least = INFINITY;
-  for (int direction = 1; direction < 27; ++direction) {
-    std::array<Real, 3> d{};
-    Real size = 0, most = 0;
-    for (int j = 0, code = direction; j < positions_of(robot.mobility); ++j, code /= 3) {
-      d[j] = code % 3 - 1;
-      size += d[j] * d[j];
-    }
-    if (size == 0) continue;
-    for (int i = 0; i < robot.motors; ++i) {
-      Real rate = 0;
-      for (int j = 0; j < positions_of(robot.mobility); ++j) rate += model.k[i][j] * d[j];
-      most = std::max(most, std::fabs(rate) / limits.still[i] / std::sqrt(size));
-    }
-    least = std::min(least, most);
-  }
-  return least;
-}
-}  // namespace truepose::safety_detail
-
-namespace truepose {
 Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool marked, Real speed,
                           Real& distance) {
-  using namespace safety_detail;
-  AtHome home;
-  const Outcome outcome = home.find(robot);
+  AtRest home;
+  const Outcome outcome = home.find(robot, to_pose(robot.mobility, robot.home));
   if (!outcome) return outcome;
   Real mass = 0, per_work = 0, kp = 0, kd = 0, dither = 0, rests = 0;
-  for (int j = 0; j < positions_of(robot.mobility); ++j)  // Gershgorin
-    mass = std::max(mass, sum_of(positions_of(robot.mobility),
-                                 [&](int l) { return std::fabs(home.model.mass[j][l]); }));
-  for (int i = 0; i < robot.motors; ++i) {
-    per_work = std::max(per_work, home.lever(i) / limits.torque[i]);
-    kp = std::max(kp, limits.kp[i]);
-    kd = std::max(kd, limits.kd[i]);
-    dither = std::max(dither, limits.kd[i] * limits.count[i] * home.lever(i));
-    rests = std::max(rests, limits.rests[i] / limits.still[i]);
+  for (int j : range(positions_of(robot.mobility)))  // Gershgorin
+    mass = max(mass, sum_of(positions_of(robot.mobility),
+                            [&](int l) { return fabs(home.model.mass[j][l]); }));
+  for (int i : range(robot.motors)) {
+    per_work = max(per_work, home.lever(i) / limits.torque[i]);
+    kp = max(kp, limits.kp[i]);
+    kd = max(kd, limits.kd[i]);
+    dither = max(dither, limits.kd[i] * limits.count[i] * home.lever(i));
+    rests = max(rests, limits.rests[i] / limits.still[i]);
   }
   const Real T = limits.period, least = least_pace(robot, home.model, limits);
   int named = limits.age + 1;
   Real way = 0, gained = 0;
   if (!marked) {
     const Unmarked frozen(limits, kp, kd, speed, T * speed * least, rests);
-    named = std::max(frozen.cycles + 1, kFrozen);
+    named = max(frozen.cycles + 1, kFrozen);
     gained = frozen.gained;
     way = frozen.way + gained * T * (named - frozen.cycles);
   }
@@ -162,23 +164,21 @@ Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathN
   Closure closure;
   Jacobians jacobians;
   Joint torque{};
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, setpoint.x), closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  const Pose pose = to_pose(robot.mobility, setpoint.x);
+  Outcome outcome = jacobian_at(robot, pose, closure, jacobians);
   if (outcome)
-    outcome = inverse_dynamics(robot, to_pose(robot.mobility, setpoint.x), setpoint.rate,
-                               setpoint.acceleration, torque);
+    outcome = inverse_dynamics(robot, pose, setpoint.rate, setpoint.acceleration, torque);
   if (!outcome) return outcome;
   const Joint rate = jacobians.joint_rate(setpoint.rate);
-  for (int i = 0; i < robot.motors; ++i) {
-    needs.speed[i] = std::max(needs.speed[i], std::fabs(rate[i]));
-    needs.torque[i] = std::max(needs.torque[i], std::fabs(torque[i]));
-    if (needs.begun)
-      needs.slew[i] = std::max(needs.slew[i], std::fabs(torque[i] - needs.last[i]) / period);
+  for (int i : range(robot.motors)) {
+    needs.speed[i] = max(needs.speed[i], fabs(rate[i]));
+    needs.torque[i] = max(needs.torque[i], fabs(torque[i]));
+    if (needs.begun) needs.slew[i] = max(needs.slew[i], fabs(torque[i] - needs.last[i]) / period);
     needs.last[i] = torque[i];
   }
-  for (int i = 0; i < dof(robot.mobility); ++i) {
-    needs.low[i] = needs.begun ? std::min(needs.low[i], setpoint.x[i]) : setpoint.x[i];
-    needs.high[i] = needs.begun ? std::max(needs.high[i], setpoint.x[i]) : setpoint.x[i];
+  for (int i : range(dof(robot.mobility))) {
+    needs.low[i] = needs.begun ? min(needs.low[i], setpoint.x[i]) : setpoint.x[i];
+    needs.high[i] = needs.begun ? max(needs.high[i], setpoint.x[i]) : setpoint.x[i];
   }
   needs.begun = true;
   return outcome;
@@ -188,15 +188,15 @@ Outcome contradiction(const Robot& robot, const SafetyLimits& limits, const Path
   const int n = dof(robot.mobility);
   const Outcome own = consistent(limits, robot.motors, n);
   if (!own) return own;
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     if (!(needs.speed[i] <= limits.speed[i] && needs.torque[i] <= limits.torque[i] &&
           needs.slew[i] <= limits.slew[i]))
       return {Status::no_such_value, i};
   }
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     const bool boxed = limits.box_low[i] < limits.box_high[i];
     if (boxed && !(needs.low[i] >= limits.box_low[i] && needs.high[i] <= limits.box_high[i]))
-      return {Status::no_such_value, -1};
+      return {Status::no_such_value};
   }
   return own;
 }

@@ -13,34 +13,6 @@ inline constexpr Real kUncalibrated = 0.010;
 /// Friction of motors whose robot file has none, over their torque limit (assumed).
 inline constexpr Real kFriction = 0.03;
 
-namespace safety_detail {
-/// Model at home: K M⁻¹ Kᵀ and its relatives.
-struct AtHome {
-  Jacobians jacobians;
-  Closure closure;
-  DynamicModel model;
-  Square inertia;  ///< of the motors
-
-  Outcome find(const Robot& robot) {
-    Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), closure);
-    if (outcome) outcome = jacobian(closure, jacobians);
-    if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
-    if (outcome) inertia = joint_inertia(model, jacobians.J);
-    return outcome;
-  }
-  /// Speed of the reference point (on passive axes: of the axes) per speed of a motor.
-  Real lever(int motor) const {
-    Real sum = 0;
-    for (int j = 0; j < positions_of(closure.carried.mobility); ++j)
-      sum += jacobians.J[j][motor] * jacobians.J[j][motor];
-    return std::sqrt(sum);
-  }
-};
-
-/// A motor's travel: between its stops; without stops a quarter turn, or the rod's length.
-Real travel(const Chain& chain);
-}  // namespace safety_detail
-
 /// Limits of a robot whose motors all have a torque limit. Lengths and angles as the motors read,
 /// all at home; I_i is motor i's own inertia, ω_i = √(kp_i/I_i) its loop's natural frequency.
 ///
@@ -62,20 +34,6 @@ Real travel(const Chain& chain);
 ///
 /// @return no_such_value and the motor without a torque limit or gain
 Outcome default_limits(const Robot& robot, const ControlSettings& settings, SafetyLimits& limits);
-
-namespace safety_detail {
-/// Frozen cycles until the loop opens, and the speed and way of the platform by the loop until
-/// then, without a mark of the frames. @param pace  of the motor that is fastest in counts, over
-/// its `still`
-struct Unmarked {
-  int cycles = 0;
-  Real gained = 0, way = 0;
-  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests);
-};
-
-/// Least speed of the fastest motor over its `still`, per speed of the platform: of 13 directions.
-Real least_pace(const Robot& robot, const DynamicModel& model, const SafetyLimits& limits);
-}  // namespace safety_detail
 
 /// Distance of the reference point, m, from the last fresh frame before a common fault of all
 /// readings to standstill, at home, at a speed (m/s; on passive axes rad and rad/s):

@@ -1,8 +1,6 @@
 // Limits of a control cycle: contradictions in themselves, and torques within them.
 #include "control/limits.hpp"
 
-#include <algorithm>
-
 namespace truepose {
 Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
   const auto positive = [](Real value) { return value > 0 && value < INFINITY; };
@@ -14,9 +12,9 @@ Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
   good = good && l.missing >= 0 && l.missing <= kReaction && l.held >= 0 && l.held <= kReaction;
   good = good && l.window >= 1 && l.window <= kMostWindow && l.age >= 1 &&
          l.age * period <= kReaction && l.counter_bits >= 2 && l.counter_bits <= 64;
-  for (int j = 0; j < freedoms; ++j) good = good && l.box_low[j] <= l.box_high[j];
-  if (!good) return {Status::no_such_value, -1};
-  for (int i = 0; i < motors; ++i) {
+  for (int j : range(freedoms)) good = good && l.box_low[j] <= l.box_high[j];
+  if (!good) return {Status::no_such_value};
+  for (int i : range(motors)) {
     good = positive(l.torque[i]) && positive(l.slew[i]) && positive(l.speed[i]);
     // The stop's torque is reached from any other within the reaction time.
     good = good && 2 * l.torque[i] <= l.slew[i] * kReaction * (1 + by_precision(1e-9, 1e-5));
@@ -32,13 +30,13 @@ Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
 
 bool approach(const SafetyLimits& limits, int motors, const Joint& target, Joint& torque) {
   bool reached = true;
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Real most = limits.torque[i] > 0 ? limits.torque[i] : 0;
     const Real step = limits.slew[i] * limits.period > 0 ? limits.slew[i] * limits.period : 0;
     const Real now = torque[i];
-    const Real bounded = std::clamp(std::isfinite(target[i]) ? target[i] : now, -most, most);
+    const Real bounded = clamp(isfinite(target[i]) ? target[i] : now, -most, most);
     const Real way = bounded - now;  // exact where it ends, no sum of roundings
-    torque[i] = std::fabs(way) <= step ? bounded : now + std::copysign(step, way);
+    torque[i] = fabs(way) <= step ? bounded : now + copysign(step, way);
     reached = reached && torque[i] == bounded;
   }
   return reached;

@@ -92,14 +92,14 @@ inline constexpr std::array kCauseTable{
     CauseProperties{StopCause::not_ready, "not ready"},
 };
 static_assert(in_order(kCauseTable, &CauseProperties::cause));
-inline constexpr int kCauses = static_cast<int>(kCauseTable.size());
+inline constexpr int kCauses = int(kCauseTable.size());
 
 constexpr const CauseProperties& properties(StopCause cause) {
-  return kCauseTable[static_cast<std::size_t>(cause)];
+  return kCauseTable[std::size_t(cause)];
 }
 
 /// Causes as bits.
-constexpr std::uint32_t bit_of(StopCause cause) { return 1U << static_cast<int>(cause); }
+constexpr std::uint32_t bit_of(StopCause cause) { return 1U << int(cause); }
 
 /// The causes for which a property holds, as bits.
 constexpr std::uint32_t causes_with(bool CauseProperties::* property) {

@@ -5,6 +5,7 @@
 #include "control/fault_monitor_state.hpp"
 #include "control/multirate.hpp"
 #include "control/parity.hpp"
+#include "estimation/evidence.hpp"
 
 namespace truepose::fault_monitor_detail {
 struct MonitoredCycle {
@@ -37,7 +38,7 @@ struct MonitoredCycle {
   Outcome run();
 
   bool delayed(int c) const { return late && c >= n && late->is(c - n); }
-  int every(int c) const { return delayed(c) ? std::max(1, late->settings.every[c - n]) : 1; }
+  int every(int c) const { return delayed(c) ? max(1, late->settings.every[c - n]) : 1; }
   /// Whether no motor's reading has failed.
   bool motors_valid() const;
   /// Value that the model gives a reading: a motor's setpoint, a sensor's by the motors.
@@ -81,6 +82,8 @@ struct MonitoredCycle {
   /// Whether χ² of a parity is beyond its limit.
   bool alarm(const ReadingCovariance& V, const Reading& value);
   void test_parity();
+  /// Signature of a reading, whitened, over a parity. @param y  whitened
+  Column column_of(int c, const ReadingCovariance& V, const Reading& y) const;
   /// Log odds of an error of each reading against none. @param mean  parity, of covariance V
   /// @param jumped  the parity has changed: the reading's track counts, too
   Extended log_odds(const ReadingCovariance& V, const Reading& mean, bool jumped) const;
@@ -94,8 +97,8 @@ struct MonitoredCycle {
   void substitute();
   /// Whether b̂ may drive a motor: its σ², and its variance from the readings' own errors, Σ_b²
   /// gᵀV⁻¹ V_s V⁻¹g, which is new in every cycle and shakes the velocity loop.
-  /// @param left  variance of b̂ @param g  signature of the reading, whitened by V @param own  V_s
-  bool replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
+  /// @param left  variance of b̂ @param own  V_s
+  bool replaceable(int c, Real left, const ReadingCovariance& V,
                    const ReadingCovariance& own) const;
   /// Following error of an extrapolated motor; of a stuck one as its loop reduces it.
   Real extrapolated_error(int c);

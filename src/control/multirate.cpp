@@ -4,10 +4,10 @@
 namespace truepose {
 void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
   const int n = dof(robot.mobility), m = robot.motors;
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     if (!late.is(k)) continue;
     const Real off = q_e[m + k] - late.expected[k];
-    if (!std::isfinite(off)) continue;  // the law reports it
+    if (!isfinite(off)) continue;  // the law reports it
     if (!(late.begun & bit(k))) {
       late.begun |= bit(k);
       late.slow[k] = off;
@@ -17,17 +17,17 @@ void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds) {
     const Real news = (off - late.slow[k]) * (off - late.slow[k]);
     const Real counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
     const Real follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
-    const Real share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
+    const Real share = holds ? 0 : (1 - late.pole[k]) * max(kCalmest, follows);
     late.slow[k] += share * (off - late.slow[k]);
-    for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
+    for (int i : range(n)) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
     q_e[m + k] = late.expected[k] + late.slow[k];
   }
 }
 
 Outcome start(const MultirateSettings& settings, Multirate& late) {
   late = Multirate{};
-  for (int k = 0; k < kMaxSensors; ++k) {
-    const int every = std::max(1, settings.every[k]), age = settings.age[k];
+  for (int k : range(kMaxSensors)) {
+    const int every = max(1, settings.every[k]), age = settings.age[k];
     if (settings.every[k] < 0 || every > kSlowest || age < 0 || age > kOldest ||
         !all_finite(settings.sensitivity[k], kMaxDof) || !(settings.period > 0)) {
       late.which = 0;
@@ -35,7 +35,7 @@ Outcome start(const MultirateSettings& settings, Multirate& late) {
     }
     if (settings.is(k)) late.which |= bit(k);
     late.age[k] = age;
-    late.pole[k] = std::exp(-1.0 / (every + age));
+    late.pole[k] = exp(-1.0 / (every + age));
   }
   late.settings = settings;
   return {};
@@ -43,9 +43,9 @@ Outcome start(const MultirateSettings& settings, Multirate& late) {
 
 std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle) {
   std::uint32_t bits = 0;
-  for (int k = 0; k < kMaxSensors; ++k) {
+  for (int k : range(kMaxSensors)) {
     const std::int64_t taken = cycle - settings.age[k];
-    const bool due = taken >= 0 && taken % std::max(1, settings.every[k]) == 0;
+    const bool due = taken >= 0 && taken % max(1, settings.every[k]) == 0;
     if (settings.is(k) && (due || cycle == 0)) bits |= bit(k);
   }
   return bits;
@@ -54,7 +54,7 @@ std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle) {
 bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
   late.arrived &= ~bit(sensor);
   const auto passed = [](std::uint64_t from, std::uint64_t to) {
-    return static_cast<Real>(static_cast<std::int64_t>(to - from));
+    return Real(std::int64_t(to - from));
   };
   const Real age = passed(time, now) / (late.settings.period * 1e9);
   const bool newer = !(late.timed & bit(sensor)) || passed(late.taken[sensor], time) > 0;
@@ -64,18 +64,17 @@ bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now) {
   late.taken[sensor] = time;
   late.age[sensor] = age;
   // The loop through p is as late as the sample.
-  late.pole[sensor] = std::exp(-1 / (std::max(1, late.settings.every[sensor]) +
-                                     std::max<Real>(late.settings.age[sensor], age)));
+  late.pole[sensor] =
+      exp(-1 / (max(1, late.settings.every[sensor]) + max<Real>(late.settings.age[sensor], age)));
   return true;
 }
-}  // namespace truepose
-
-namespace truepose::late_detail {
+namespace {
+/// Motors' pose, and h there. @return no answer: their readings close no pose
 Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) {
   const int n = robot.motors;
   Extended fed{};  // sensors as expected: the parity is minus the change of h
-  std::copy_n(q_e.begin(), n, fed.begin());
-  std::copy_n(late.expected.begin(), robot.r, fed.begin() + n);
+  copy_first(n, q_e, fed);
+  copy_first(robot.r, late.expected, fed.begin() + n);
   Pose near = moved(robot.mobility, late.pose, late.motion);
   Outcome outcome;
   if (!late.placed) {
@@ -87,10 +86,10 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
   if (!outcome) return outcome;
   if (late.placed) late.motion = difference(robot.mobility, parity.pose, late.pose);
   late.pose = parity.pose;
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     late.change[k] = -parity.value[k];
     late.noise[k] = 0;
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       const Chain& chain = robot.chain[j];
       late.noise[k] +=
           parity.g[k][j] * parity.g[k][j] *
@@ -99,32 +98,31 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
   }
   return {};
 }
-}  // namespace truepose::late_detail
+}  // namespace
 
-namespace truepose {
 Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   const int n = dof(robot.mobility), m = robot.motors;
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const bool first = late.cycle == 0;
   for (int k = 0; first && k < robot.r; ++k)  // the initial turn
-    late.expected[k] = std::isfinite(q_e[m + k]) ? q_e[m + k] : 0;
-  const Outcome placed = late_detail::locate_motors(robot, q_e, late);
+    late.expected[k] = isfinite(q_e[m + k]) ? q_e[m + k] : 0;
+  const Outcome placed = locate_motors(robot, q_e, late);
   if (!placed && first) return placed;
   late.placed = bool(placed);
   for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
-  for (int k = 0; k < robot.r; ++k) late.expected[k] += late.change[k];
+  for (int k : range(robot.r)) late.expected[k] += late.change[k];
   const auto at = [&](std::int64_t ago) {  // before the first cycle the robot stood still
-    return static_cast<std::size_t>(std::max<std::int64_t>(0, late.cycle - ago)) & kOldest;
+    return std::size_t(max<std::int64_t>(0, late.cycle - ago)) & kOldest;
   };
   late.was[at(0)] = late.expected;
   late.was_there[at(0)] = late.way;
   if (first) late.arrived = late.which;
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     if (!late.is(k)) continue;
     late.since[k] += 1;
     if (late.arrived & bit(k)) {
-      const auto whole = static_cast<std::int64_t>(late.age[k]);
-      const Real share = late.age[k] - static_cast<Real>(whole);
+      const auto whole = std::int64_t(late.age[k]);
+      const Real share = late.age[k] - Real(whole);
       const std::size_t next = at(whole), last = share > 0 ? at(whole + 1) : next;
       const auto then = [&](Real at_next, Real at_last) {
         return at_next + share * (at_last - at_next);
@@ -133,11 +131,11 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
       late.sample[k] = q_e[m + k];
       late.then[k] = then(late.was[next][k], late.was[last][k]);
       late.before[k] = first ? late.way : late.there[k];
-      for (int i = 0; i < n; ++i)
+      for (int i : range(n))
         late.there[k][i] = then(late.was_there[next][i], late.was_there[last][i]);
       late.off[k] = within_turn(robot, m + k, late.sample[k] - late.then[k]);
     }
-    const int longest = late.settings.age[k] + kDropped * std::max(1, late.settings.every[k]);
+    const int longest = late.settings.age[k] + kDropped * max(1, late.settings.every[k]);
     if (!(late.since[k] <= longest)) late.off[k] = NAN;  // until the next sample
     late.present[k] = q_e[m + k] = late.expected[k] + late.off[k];
   }
@@ -145,26 +143,19 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   ++late.cycle;
   return {};
 }
-}  // namespace truepose
-
-namespace truepose::late_detail {
 Real latency_variance(const Multirate& late, int sensor, const std::array<Real, kMaxDof>& since) {
   Real variance = 0;
-  for (int i = 0; i < kMaxDof; ++i) {
+  for (int i : range(kMaxDof)) {
     const Real by = late.settings.sensitivity[sensor][i] * (late.way[i] - since[i]);
     variance += by * by;
   }
   return variance;
 }
-}  // namespace truepose::late_detail
-
-namespace truepose {
 void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     Real& sigma = known.sigma[robot.motors + k];
     if (late.is(k))
-      sigma = std::sqrt(sigma * sigma + late.noise[k] +
-                        late_detail::latency_variance(late, k, late.slowly[k]));
+      sigma = sqrt(sigma * sigma + late.noise[k] + latency_variance(late, k, late.slowly[k]));
   }
 }
 

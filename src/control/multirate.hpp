@@ -90,11 +90,6 @@ std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle);
 /// future, or is older than kOldest periods
 bool stamp(Multirate& late, int sensor, std::uint64_t time, std::uint64_t now);
 
-namespace late_detail {
-/// Motors' pose, and h there. @return no answer: their readings close no pose
-Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late);
-}  // namespace late_detail
-
 /// Runs one cycle: extrapolates delayed readings to the present. Set `late.arrived` before; see
 /// arrivals(). While the motors have no pose, h continues at its last rate.
 /// @param robot  finished, with the sensors of `late`
@@ -107,10 +102,8 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e);
 /// @param holds  keep p: delayed values must not drive a motor without a reading
 void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds = false);
 
-namespace late_detail {
 /// Variance of the change of p. @param since  `way` where p is known
 Real latency_variance(const Multirate& late, int sensor, const std::array<Real, kMaxDof>& since);
-}  // namespace late_detail
 
 /// Raises the σ of delayed readings for the laws: p may have changed since the sample behind the
 /// low-pass, and h has the motors' noise and counts. @param known  in and out

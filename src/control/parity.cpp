@@ -4,7 +4,7 @@
 namespace truepose {
 Reading Parity::signature(int r, int reading) const {
   Reading column{};
-  for (int k = 0; k < r; ++k) column[k] = reading < n ? -g[k][reading] : reading - n == k;
+  for (int k : range(r)) column[k] = reading < n ? -g[k][reading] : reading - n == k;
   return column;
 }
 
@@ -13,16 +13,15 @@ Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyon
   Closure closure;
   Reading values;
   SensorRows jr;
-  Outcome outcome = ikm(robot, from, closure);
-  if (outcome) outcome = jacobian(closure, jacobians);
+  Outcome outcome = jacobian_at(robot, from, closure, jacobians);
   if (outcome) outcome = rkm(robot, closure, values, jr);
   if (!outcome) return outcome;
   extend(robot, closure.q(), values, expected);
-  for (int c = 0; c < n + robot.r; ++c) expected[c] += beyond[c];
-  for (int k = 0; k < robot.r; ++k)
-    for (int j = 0; j < n; ++j) {
+  for (int c : range(n + robot.r)) expected[c] += beyond[c];
+  for (int k : range(robot.r))
+    for (int j : range(n)) {
       g[k][j] = 0;
-      for (int i = 0; i < jacobians.n; ++i) g[k][j] += jr[k][i] * jacobians.J[i][j];
+      for (int i : range(jacobians.n)) g[k][j] += jr[k][i] * jacobians.J[i][j];
     }
   return {};
 }
@@ -40,45 +39,45 @@ Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e
     Real farthest = 0;
     innovation(robot, q_e, expected, error);
     Coordinates step{};
-    for (int j = 0; j < n; ++j) {
-      farthest = std::max(farthest, std::fabs(error[j]));
-      for (int i = 0; i < jacobians.n; ++i) step[i] += jacobians.J[i][j] * error[j];
+    for (int j : range(n)) {
+      farthest = max(farthest, fabs(error[j]));
+      for (int i : range(jacobians.n)) step[i] += jacobians.J[i][j] * error[j];
     }
     pose = moved(robot.mobility, pose, step);
     if (farthest < kNear) break;
   }
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     value[k] = error[n + k];
-    for (int j = 0; j < n; ++j) value[k] -= g[k][j] * error[j];
+    for (int j : range(n)) value[k] -= g[k][j] * error[j];
   }
   const bool finite =
       all_finite(to_coordinates(robot.mobility, pose), jacobians.n) && all_finite(value, robot.r);
-  return {finite ? Status::ok : Status::not_finite, -1};
+  return {finite ? Status::ok : Status::not_finite};
 }
 
 void Parity::covariance(int r, const Extended& noise,
                         const Matrix<kMaxSensors, kMaxSensors>& geometry, Real share,
                         ReadingCovariance& V) const {
-  for (int k = 0; k < r; ++k)
-    for (int l = 0; l <= k; ++l) {
+  for (int k : range(r))
+    for (int l : range(k + 1)) {
       Real sum = share * geometry[k][l] + (k == l ? noise[n + k] : 0);
-      for (int j = 0; j < n; ++j) sum += g[l][j] * noise[j] * g[k][j];
+      for (int j : range(n)) sum += g[l][j] * noise[j] * g[k][j];
       V.L[k][l] = sum;
     }
 }
 
 void Parity::open(const Robot& robot, const Knowledge& known, const Real* PH, Real* B) const {
   const int width = parameter_count(robot);
-  for (int k = 0; k < robot.r; ++k)
-    for (int m = 0; m < known.count; ++m) B[k * known.count + m] = PH[k * width + known.column[m]];
+  for (int k : range(robot.r))
+    for (int m : range(known.count)) B[k * known.count + m] = PH[k * width + known.column[m]];
   times_root(known, robot.r, B);
 }
 
 Real Parity::expectation_noise(const Extended& noise, int reading) const {
   Real sum = 0;
   if (reading >= n)
-    for (int j = 0; j < n; ++j) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
-  return std::sqrt(sum);
+    for (int j : range(n)) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
+  return sqrt(sum);
 }
 
 Real chi_squared(const ReadingCovariance& V, int r, Reading parity) {

@@ -17,7 +17,7 @@ namespace truepose {
 constexpr std::uint32_t bit(int reading) { return std::uint32_t{1} << reading; }
 
 /// Whether a reading, rad or m, is a number. False also where later numbers would overflow.
-inline bool number(Real reading) { return std::fabs(reading) < 1e9; }
+inline bool number(Real reading) { return fabs(reading) < 1e9; }
 
 /// Readings at the pose that the motors give.
 struct Parity {

@@ -15,27 +15,34 @@
 namespace truepose::fault_monitor_detail {
 bool MonitoredCycle::covariance(Real gain, Real share, ReadingCovariance& V) const {
   Extended variance;
-  for (int c = 0; c < rows; ++c) variance[c] = gain * noise[c] + unknown[c];
+  for (int c : range(rows)) variance[c] = gain * noise[c] + unknown[c];
   parity.covariance(r, variance, monitor.geometry, monitor.known ? share : 0, V);
   return V.factor(r);
 }
 
 Real MonitoredCycle::bending() const {
   Real way2 = 0, bend2 = 0;
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  for (int i : range(dof(robot.mobility))) {
     const Real bend = monitor.motion[i] - monitor.last[i];
     way2 += monitor.motion[i] * monitor.motion[i];
     bend2 += bend * bend;
   }
   const Real per = 1 / settings.correlation;
-  return settings.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
+  return settings.together.acceleration * per * (sqrt(bend2) + way2 * per);
 }
 
 bool MonitoredCycle::alarm(const ReadingCovariance& V, const Reading& value) {
   monitor.chi2 = chi_squared(V, r, value);
-  monitor.freedom = std::max(0, r - left_out);
-  return monitor.freedom > 0 &&
-         !(monitor.chi2 <= settings.chi2[static_cast<std::size_t>(monitor.freedom)]);
+  monitor.freedom = max(0, r - left_out);
+  return monitor.freedom > 0 && !(monitor.chi2 <= settings.chi2[std::size_t(monitor.freedom)]);
+}
+
+Column MonitoredCycle::column_of(int c, const ReadingCovariance& V, const Reading& y) const {
+  Reading g = parity.signature(r, c);
+  V.whiten(r, g.data(), 1);
+  Column column;
+  for (int k : range(r)) column.add(g[k], y[k]);
+  return column;
 }
 
 Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mean,
@@ -44,22 +51,19 @@ Extended MonitoredCycle::log_odds(const ReadingCovariance& V, const Reading& mea
   V.whiten(r, y.data(), 1);
   Extended odds;
   odds.fill(-INFINITY);
-  for (int c = 0; c < rows; ++c) {
-    if (without & bit(c)) continue;
-    Reading g = parity.signature(r, c);
-    V.whiten(r, g.data(), 1);
-    const Real score = sum_of(r, [&](int k) { return g[k] * y[k]; });
-    const Real information = sum_of(r, [&](int k) { return g[k] * g[k]; });
-    if (!(information > 0)) continue;
-    odds[c] = 0.5 * score * score / information;
+  for (int c : range(rows)) {
+    Column error = column_of(c, V, y);
+    if (without & bit(c) || !(error.information > 0)) continue;
+    odds[c] = error.chi2() / 2;
     // What a delayed sensor shows now may be an earlier jump of a motor.
     bool motor_left = false;
     for (int i = 0; delayed(c) && i < n; ++i)
       motor_left |=
           monitor.cycle - monitor.reading[i].left_track <= 1 + every(c) + late->age[c - n];
-    const Real own = 1 / track_variance(c), jump = own * monitor.disagreement.jump[c];
-    if (jumped && !motor_left && own < INFINITY)
-      odds[c] = std::max(odds[c], 0.5 * (score + jump) * (score + jump) / (information + own));
+    if (const Real own = track_variance(c); jumped && !motor_left && own > 0) {
+      error.add(1, monitor.disagreement.jump[c], own);
+      odds[c] = max(odds[c], error.chi2() / 2);
+    }
     // While another motor's fault moves the robot, a healthy one may stand off its setpoint.
     const bool stands = settings.moved[c] > 0 && raw(c) == monitor.reading[c].standstill.reading;
     const Real motion = stands ? model_motion(c, 0) / tolerated_motion(c, kStoodBy) : 0;
@@ -72,7 +76,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
   const Disagreement& all = monitor.disagreement;
   const Real share = Real{1} / all.cycles;
   Reading mean;
-  for (int k = 0; k < r; ++k) mean[k] = share * (jumped ? all.change[k] : all.level[k]);
+  for (int k : range(r)) mean[k] = share * (jumped ? all.change[k] : all.level[k]);
   ReadingCovariance V;
   // The tracker's own error is common to these cycles.
   const Real gain = jumped ? settings.together.variance - 1 + share : share;
@@ -80,7 +84,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
   const Extended odds = log_odds(V, mean, jumped);
   const Real best = *std::max_element(odds.begin(), odds.begin() + rows);
   std::uint32_t alike = 0;
-  for (int c = 0; c < rows; ++c)
+  for (int c : range(rows))
     if (odds[c] > -INFINITY && odds[c] >= best - settings.decisive) alike |= bit(c);
   return alike;
 }
@@ -88,8 +92,7 @@ std::uint32_t MonitoredCycle::candidates(bool jumped, Real bend) const {
 void MonitoredCycle::test_parity() {
   Disagreement& all = monitor.disagreement;
   Reading change{};
-  for (int k = 0; k < r; ++k)
-    change[k] = parity.value[k] - monitor.parity[k].predicted(settings.period);
+  for (int k : range(r)) change[k] = parity.value[k] - monitor.parity[k].predicted(settings.period);
   // During a disagreement the tracker only predicts, for some cycles.
   const Real coasted = 1 + 0.5 * all.undecided * (1 - kParityPole);
   const Real bend = bending() * coasted * coasted;
@@ -104,7 +107,7 @@ void MonitoredCycle::test_parity() {
   }
   if (!monitor.undecided) {  // a stopping robot behaves differently
     if (all.cycles++ == 0) all.jump = innovation;
-    for (int k = 0; k < r; ++k) {
+    for (int k : range(r)) {
       all.change[k] += change[k];
       all.level[k] += parity.value[k];
     }
@@ -120,14 +123,14 @@ void MonitoredCycle::test_parity() {
     for (int c = 0; c < n && !monitor.undecided; ++c)
       if (monitor.doubted & bit(c) & ~without && monitor.reading[c].standstill.cycles >= kStill) {
         held |= bit(c);
-        driven = driven || monitor.reading[c].standstill.feigns();
-        if (std::isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
+        driven = driven || monitor.reading[c].standstill.may_be_frozen();
+        if (isfinite(desired[c])) believed[c] = desired[c] - monitor.reading[c].following.now;
       }
-    for (int k = 0; k < r; ++k)
+    for (int k : range(r))
       believed[n + k] -= driven ? parity.value[k] - monitor.usual[k] : change[k];
     return;
   }
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     if (!(monitor.doubted & bit(c))) continue;
     Standstill& still = monitor.reading[c].standstill;
     still.stuck = !delayed(c) && raw(c) == still.reading &&

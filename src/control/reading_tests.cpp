@@ -3,7 +3,7 @@
 
 namespace truepose::fault_monitor_detail {
 void MonitoredCycle::test_readings(int begin, int end) {
-  for (int c = begin; c < end; ++c) {
+  for (int c : range(begin, end)) {
     MonitoredReading& reading = monitor.reading[c];
     if (!reading.begun && number(q_e[c])) {
       reading.begun = true;
@@ -45,8 +45,8 @@ Symptom MonitoredCycle::symptom_of(int c) const {
   const Real lag = m * ((1 + kOwnPole) / (1 - kOwnPole) + 0.5 * (m + 1));
   const Real way =
       settings.period * settings.period * settings.fastest[c] * (settings.own.acceleration + lag);
-  const Real chance = settings.sigmas * std::sqrt(settings.own.variance * noise[c]) * (1 + m);
-  return std::fabs(innovation[c]) > way + chance ? Symptom::too_fast : Symptom::none;
+  const Real chance = settings.sigmas * sqrt(settings.own.variance * noise[c]) * (1 + m);
+  return fabs(innovation[c]) > way + chance ? Symptom::too_fast : Symptom::none;
 }
 
 Real MonitoredCycle::track_variance(int c) const {
@@ -61,7 +61,7 @@ void MonitoredCycle::extrapolate(int c, Symptom symptom) {
   MonitoredReading& reading = monitor.reading[c];
   Extrapolations& times = reading.extrapolated;
   const auto begun = [&](std::int64_t k) -> std::int64_t& {
-    return times.begun[static_cast<std::size_t>(k % kSpikesKept)];
+    return times.begun[std::size_t(k % kSpikesKept)];
   };
   symptomatic |= bit(c);
   without |= bit(c);
@@ -79,14 +79,13 @@ void MonitoredCycle::extrapolate(int c, Symptom symptom) {
 
 void MonitoredCycle::extrapolate_delayed() {
   Extended by = q_e;
-  std::copy_n(believed.begin(), n, by.begin());
+  copy_first(n, believed, by);
   if (!compensate_latency(robot, *late, by)) return;
   std::copy_n(by.begin() + n, r, q_e.begin() + n);
   const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     if (delayed(c))
-      noise[c] =
-          motors ? noise[c] + late_detail::latency_variance(*late, c - n, late->before[c - n]) : 1;
+      noise[c] = motors ? noise[c] + latency_variance(*late, c - n, late->before[c - n]) : 1;
     else if (c < n && leaves_track(c, innovation[c]))
       monitor.reading[c].left_track = monitor.cycle;
   }

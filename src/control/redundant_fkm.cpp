@@ -17,8 +17,8 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
   return fkm_closed(robot, motors_of(robot, q_e), pose.R, near_side, pose.D);
 }
 
-Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
-              Pose& pose) {
+Outcome note_unfinished(const Robot& robot, const Pose& desired, const Pose& at, int steps,
+                        PoseSearch& on, Pose& pose) {
   on.steps = steps;
   on.at = difference(robot.mobility, at, desired);
   pose = on.known ? moved(robot.mobility, desired, on.good) : at;
@@ -28,16 +28,17 @@ Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps
   return {Status::not_converged};
 }
 
-void end(const Robot& robot, const Pose& desired, const Pose& found, bool slow, Ongoing& on) {
+void note_found(const Robot& robot, const Pose& desired, const Pose& found, bool slow,
+                PoseSearch& on) {
   on = {};
   on.known = true;
   on.slow = slow;
   on.good = on.at = difference(robot.mobility, found, desired);
 }
 
-Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-             const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
-             Pose& found) {
+Outcome search_pose(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+                    const Expected& desired, const Extended& q_e, Parasitic rest, PoseSearch& on,
+                    Pose& found) {
   const Level level = level_of(robot);
   Expected at = desired;
   Extended white;
@@ -52,7 +53,7 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
       at = desired, on.steps = -1, on.restarted = false;
   }
   const auto cap = [&] { return on.restarted ? kEstimateIterations : kNearIterations; };
-  Estimate result = search(level, robot, known, C, q_e, at, rest, std::max(on.steps, 0), cap());
+  Estimate result = search(level, robot, known, C, q_e, at, rest, max(on.steps, 0), cap());
   if (!result && !on.restarted && rest.most(true) > 0) {
     // The ideal level's, which is near the full level's and has bounded work.
     const Level start = is_mechanism(robot.mobility) ? level : Level::ideal;
@@ -67,9 +68,9 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
   Outcome outcome = result.outcome;
   if (outcome) {
     found = at.pose;
-    end(robot, desired.pose, found, result.iterations > kQuickSteps, on);
+    note_found(robot, desired.pose, found, result.iterations > kQuickSteps, on);
   } else if (rest.most(true) < 1 && result.iterations < kEstimateIterations) {
-    outcome = go_on(robot, desired.pose, at.pose, result.iterations, on, found);
+    outcome = note_unfinished(robot, desired.pose, at.pose, result.iterations, on, found);
   } else {
     on = {};
     on.failed = true;
@@ -79,26 +80,26 @@ Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance
 }
 
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near, Parasitic nearby,
-                      Ongoing& on, Pose& pose) {
+                      PoseSearch& on, Pose& pose) {
   if (in_closed_form(robot)) return redundant_fkm(robot, q_e, near.D, pose);
   if (redundancy(robot) == 0) return {Status::not_measured};
   if (!all_finite(q_e, readings(robot))) return {Status::not_finite};
   constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m: sets when a search ends
   Knowledge alike;
   alike.sigma.fill(kSigma);
-  for (int k = 0; k < robot.r; ++k)
-    alike.sigma[robot.motors + k] = kSigma / std::sqrt(robot.sensor[k].weight);
+  for (int k : range(robot.r))
+    alike.sigma[robot.motors + k] = kSigma / sqrt(robot.sensor[k].weight);
   ReadingCovariance C;
   Expected at{near, {}, {}};
   Outcome outcome = reading_covariance(robot, alike, nullptr, nullptr, C);
   if (outcome) outcome = linearise(level_of(robot), robot, near, at.q_e, at.H_x, nullptr, &nearby);
-  return outcome ? find(robot, alike, C, at, q_e, nearby, on, pose) : outcome;
+  return outcome ? search_pose(robot, alike, C, at, q_e, nearby, on, pose) : outcome;
 }
 
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
   if (!robot.finished) return {Status::unfinished};
   Pose pose;
-  Ongoing on;
+  PoseSearch on;
   const Outcome outcome =
       redundant_fkm(robot, q_e, to_pose(robot.mobility, robot.home), {}, on, pose);
   if (outcome) x = to_coordinates(robot.mobility, pose);

@@ -25,7 +25,7 @@ inline constexpr int kSearchCycles = 8;
 
 /// Where the next cycle's search for x̂ starts: at x_d; at the last x̂ where that took many steps; or
 /// where one that had no steps left stopped. The latter two move along with x_d.
-struct Ongoing {
+struct PoseSearch {
   int steps = -1;          ///< that an unfinished search has taken; -1: there is none
   int cycles = 0;          ///< that it has taken
   bool restarted = false;  ///< whether it has restarted at the motors' pose
@@ -42,28 +42,29 @@ struct Ongoing {
 /// none
 /// @return not_converged after kSearchCycles, the next search starting at x_d, and from then on in
 /// every cycle until a search has ended
-Outcome go_on(const Robot& robot, const Pose& desired, const Pose& at, int steps, Ongoing& on,
-              Pose& pose);
+Outcome note_unfinished(const Robot& robot, const Pose& desired, const Pose& at, int steps,
+                        PoseSearch& on, Pose& pose);
 
 /// Notes that a search has ended at x̂. @param slow  it took more than kQuickSteps
-void end(const Robot& robot, const Pose& desired, const Pose& found, bool slow, Ongoing& on);
+void note_found(const Robot& robot, const Pose& desired, const Pose& found, bool slow,
+                PoseSearch& on);
 
 /// x̂ of all readings, searched from x_d or the last one, then from the motors' pose.
 /// @param C        the weights
 /// @param desired  linearised there
 /// @param rest     residual motion there, and the steps that closings may take
 /// @param on       in, out
-Outcome find(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-             const Expected& desired, const Extended& q_e, Parasitic rest, Ongoing& on,
-             Pose& found);
+Outcome search_pose(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+                    const Expected& desired, const Extended& q_e, Parasitic rest, PoseSearch& on,
+                    Pose& found);
 
 /// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
 /// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order
 /// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
 /// @param near    start of the least squares; its D is on the platform's side of the spheres
-/// @param nearby, on  as of `find`
+/// @param nearby, on  as of `search_pose`
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near, Parasitic nearby,
-                      Ongoing& on, Pose& pose);
+                      PoseSearch& on, Pose& pose);
 
 /// The same for coordinates x of any mobility, from the robot's home.
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x);

@@ -16,41 +16,40 @@ constexpr Real kHeld = 5;
 
 Real MonitoredCycle::tolerated_motion(int c, Real share) const {
   const MonitoredReading& reading = monitor.reading[c];
-  return std::max(share * settings.moved[c], kDeviates * std::sqrt(reading.following.variance)) +
+  return max(share * settings.moved[c], kDeviates * sqrt(reading.following.variance)) +
          2 * reading.standstill.forced_error;
 }
 
 Real MonitoredCycle::setpoint(int c) const {
   if (c < n) return desired[c] + monitor.led[c];
   Real value = parity.expected[c];
-  for (int j = 0; j < n; ++j) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
+  for (int j : range(n)) value += parity.g[c - n][j] * (desired[j] - parity.expected[j]);
   return number(value) ? value : monitor.reading[c].standstill.driven.from;
 }
 
 Real MonitoredCycle::model_motion(int c, Real way) const {
   const MonitoredReading& reading = monitor.reading[c];
   const Standstill& still = reading.standstill;
-  const Real by = model(c) - still.model + way, side = std::copysign(Real(1), by);
+  const Real by = model(c) - still.model + way, side = copysign(Real(1), by);
   // A law that holds a platform moves its motors where one of them drifts, and a sensor stands at
   // its setpoint; where a sensor is wrong, a motor that the law leads against its setpoint turns
   // back. Only what the setpoint has left counts; off q_d both of its measures are approximate.
   Real led = side * (setpoint(c) - still.driven.from + way);
-  if (c >= n) led = std::min(led, side * still.setpoint_motion);
+  if (c >= n) led = min(led, side * still.setpoint_motion);
   if (!(led > kLed * settings.moved[c])) return 0;
   // Motion of a motor towards its setpoint does not count.
-  return std::min(std::fabs(by), std::fabs(by + reading.following.deviation)) -
+  return min(fabs(by), fabs(by + reading.following.deviation)) -
          settings.sigmas * parity.expectation_noise(noise, c);
 }
 
 bool MonitoredCycle::motor_stands(int c, Real moved) const {
   ReadingCovariance V;
   if (c >= n || r == 0 || !monitor.known || !monitor.placed || !covariance(1, 1, V)) return false;
-  Reading g = parity.signature(r, c), y = parity.value;
-  V.whiten(r, g.data(), 1);
+  Reading y = parity.value;
   V.whiten(r, y.data(), 1);
+  const Column error = column_of(c, V, y);
   // Log odds of the error -moved against none.
-  return sum_of(r, [&](int k) { return -moved * g[k] * (y[k] + Real{0.5} * moved * g[k]); }) <
-         -kHeld;
+  return -moved * (error.score + Real{0.5} * moved * error.information) < -kHeld;
 }
 
 void MonitoredCycle::update_standstill(int c, bool judged) {
@@ -68,7 +67,7 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
     still.forced_error = c < n ? monitor.pushed[c] : 0;
     return;
   }
-  still.cycles = std::min(still.cycles + 1, kMostCounted);  // a robot may stand still for months
+  still.cycles = min(still.cycles + 1, kMostCounted);  // a robot may stand still for months
   for (int j = 0; c >= n && monitor.placed && j < n; ++j) {
     const Real by = parity.g[c - n][j] * (desired[j] - monitor.desired[j]);
     still.setpoint_motion += number(by) ? by : 0;
@@ -79,11 +78,12 @@ void MonitoredCycle::update_standstill(int c, bool judged) {
   if (!judged) return;
   const Real share = monitor.undecided ? 3 : 1;
   if (!(model_motion(c, still.driven.way) > tolerated_motion(c, share)) &&
-      (monitor.undecided || !(std::fabs(still.driven.way) > tolerated_motion(c, kStoodBy))))
+      (monitor.undecided || !(fabs(still.driven.way) > tolerated_motion(c, kStoodBy))))
     return;
   if (motor_stands(c, model(c) - still.model + still.driven.way)) return;
+  if (!still.stuck)
+    reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
   still.stuck = true;
-  reading.following.led_out = {reading.following.usual + reading.following.deviation, 0};
   if (!delayed(c) && !monitor.undecided) return;
   reading.health = Health::failed;
   reading.symptom = Symptom::stuck;

@@ -5,25 +5,27 @@ namespace truepose::fault_monitor_detail {
 void MonitoredCycle::exclude(int c) {
   const Reading g = parity.signature(r, c);
   Real size = 0, known = 0;
-  for (int k = 0; k < r; ++k) {
+  for (int k : range(r)) {
     size += g[k] * g[k];
     known += noise[n + k] + monitor.geometry[k][k];
-    for (int j = 0; j < n; ++j) known += parity.g[k][j] * parity.g[k][j] * noise[j];
+    for (int j : range(n)) known += parity.g[k][j] * parity.g[k][j] * noise[j];
   }
   if (!(size > 0 && known > 0)) return;
   unknown[c] = kUnknown * known / size;
   ++left_out;
 }
 
-bool MonitoredCycle::replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
+bool MonitoredCycle::replaceable(int c, Real left, const ReadingCovariance& V,
                                  const ReadingCovariance& own) const {
   if (!(left < settings.replaceable * settings.replaceable)) return false;
   const Real most = settings.shaken[c];
   if (!(most > 0)) return true;
+  Reading g = parity.signature(r, c);
+  V.whiten(r, g.data(), 1);
   V.colour(r, g.data());
   Real sum = 0;
-  for (int k = 0; k < r; ++k)
-    for (int l = 0; l < r; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
+  for (int k : range(r))
+    for (int l : range(r)) sum += g[k] * own.L[max(k, l)][min(k, l)] * g[l];
   return unknown[c] * unknown[c] * sum < most * most;
 }
 
@@ -45,19 +47,17 @@ void MonitoredCycle::substitute() {
     V.whiten(r, y.data(), 1);
   }
   Coordinates step{};
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     if (!(without & bit(c))) continue;
     MonitoredReading& reading = monitor.reading[c];
     const bool failed = reading.health == Health::failed, motor = c < n;
-    Reading g = parity.signature(r, c);
-    if (regular) V.whiten(r, g.data(), 1);
-    const Real b = unknown[c] * sum_of(r, [&](int k) { return g[k] * y[k]; });
-    const Real information = sum_of(r, [&](int k) { return g[k] * g[k]; });
-    const Real left = unknown[c] * (1 - unknown[c] * information);  // variance of b̂
+    const Column error = regular ? column_of(c, V, y) : Column{};
+    const Real b = unknown[c] * error.score;
+    const Real left = unknown[c] * (1 - unknown[c] * error.information);  // variance of b̂
     const bool known = regular && unknown[c] > 0 && left < 0.5 * unknown[c] && number(b);
     // A lost motor stays lost: its brake is closing.
     if (known && !(monitor.lost & bit(c)) && (failed || (motor && reading.standstill.stuck)) &&
-        (!motor || replaceable(c, left, g, V, own))) {
+        (!motor || replaceable(c, left, V, own))) {
       replaced |= bit(c);
       believed[c] -= b;
       for (int i = 0; motor && i < dof(robot.mobility); ++i)
@@ -66,8 +66,8 @@ void MonitoredCycle::substitute() {
       monitor.lost |= bit(c);
       believed[c] = number(desired[c]) ? desired[c] : reading.track.predicted(settings.period);
     } else if (motor) {
-      believed[c] = std::isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
-                                              : reading.track.predicted(settings.period);
+      believed[c] = isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
+                                         : reading.track.predicted(settings.period);
     } else if (failed) {
       believed[c] = model(c);  // as far as the motors determine it
     } else {                   // follows the motors
@@ -81,7 +81,7 @@ void MonitoredCycle::substitute() {
 }
 
 void MonitoredCycle::refresh() {
-  for (int i = 0; i < dof(robot.mobility); ++i) monitor.way += std::fabs(monitor.motion[i]);
+  for (int i : range(dof(robot.mobility))) monitor.way += fabs(monitor.motion[i]);
   // Not in the first cycle, which searches the pose.
   const bool due = (monitor.cycle + settings.refresh - 1) % settings.refresh == 0;
   if (!due && !(monitor.way > kSamePlace * settings.correlation)) return;
@@ -93,12 +93,12 @@ void MonitoredCycle::refresh() {
   if (!geometry_at(robot, parity, monitor.pose, PH, beyond, monitor.rest)) return;
   monitor.known = true;
   parity.open(robot, known, PH, B);
-  for (int k = 0; k < r; ++k)
-    for (int l = 0; l <= k; ++l)
+  for (int k : range(r))
+    for (int l : range(k + 1))
       monitor.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-  for (int k = 0; k < r; ++k) {
+  for (int k : range(r)) {
     Real more = beyond[n + k] - monitor.beyond[n + k];
-    for (int j = 0; j < n; ++j) more -= parity.g[k][j] * (beyond[j] - monitor.beyond[j]);
+    for (int j : range(n)) more -= parity.g[k][j] * (beyond[j] - monitor.beyond[j]);
     if (!number(more)) continue;  // the parity's tracker must not see a change,
     monitor.parity[k].value -= more;
     monitor.usual[k] -= more;

@@ -5,31 +5,31 @@ namespace truepose {
 void tej(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr, ExtendedColumns& M,
          ExtendedRows& M_plus) {
   const int n = dof(robot.mobility), m = robot.motors;
-  for (int j = 0; j < m; ++j) {
+  for (int j : range(m)) {
     Joint column{};
     if (m > n) {
       Coordinates rate;
-      for (int i = 0; i < n; ++i) rate[i] = jacobians.J[i][j];
+      for (int i : range(n)) rate[i] = jacobians.J[i][j];
       column = jacobians.joint_rate(rate);
     } else {
       column[j] = 1;
     }
-    for (int i = 0; i < m; ++i) M[i][j] = M_plus[i][j] = column[i];
+    for (int i : range(m)) M[i][j] = M_plus[i][j] = column[i];
   }
-  for (int s = 0; s < robot.r; ++s) {
+  for (int s : range(robot.r)) {
     const Real weight = robot.sensor[s].weight;
     Joint g, gain;
-    for (int j = 0; j < m; ++j)
+    for (int j : range(m))
       M[m + s][j] = g[j] = sum_of(n, [&](int i) { return jr[s][i] * jacobians.J[i][j]; });
-    for (int i = 0; i < m; ++i) gain[i] = sum_of(m, [&](int j) { return M_plus[i][j] * g[j]; });
+    for (int i : range(m)) gain[i] = sum_of(m, [&](int j) { return M_plus[i][j] * g[j]; });
     const Real gCg = sum_of(m, [&](int i) { return g[i] * gain[i]; });
     const Real scale = weight / (1 + weight * gCg);
-    for (int i = 0; i < m; ++i) gain[i] *= scale;
-    for (int c = 0; c < m + s; ++c) {
+    for (int i : range(m)) gain[i] *= scale;
+    for (int c : range(m + s)) {
       const Real seen = sum_of(m, [&](int i) { return g[i] * M_plus[i][c]; });  // g M⁺, entry c
-      for (int i = 0; i < m; ++i) M_plus[i][c] -= gain[i] * seen;
+      for (int i : range(m)) M_plus[i][c] -= gain[i] * seen;
     }
-    for (int i = 0; i < m; ++i) M_plus[i][m + s] = gain[i];
+    for (int i : range(m)) M_plus[i][m + s] = gain[i];
   }
 }
 
@@ -47,15 +47,15 @@ Outcome by_rows(const Robot& robot, const Pose& pose, Closure& closure, Jacobian
   closure.pose = pose;
   closure.motors = m;
   Unknowns size{};
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     closure.chain[i].q = q_e[i];
     jacobians.jq[i] = 1;
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       jacobians.jx[i][j] = H_x[i][j];
       size[j] += H_x[i][j] * H_x[i][j];
     }
   }
-  for (int k = 0; k < robot.r; ++k) r[k] = q_e[m + k], jr[k] = H_x[m + k];
+  for (int k : range(robot.r)) r[k] = q_e[m + k], jr[k] = H_x[m + k];
   jacobians.sign = engine::mode_of(at.built.mechanism, at.at);
   return {invert(m, n, jacobians.jx, size, jacobians.J) ? Status::ok : Status::singular};
 }
@@ -82,8 +82,8 @@ Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M, Extend
   if (!regular) return regular;
   tej(robot, jacobians, jr, M, M_plus);
   Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
-  for (int c = robot.motors; c < readings(robot); ++c)
-    for (int i = 0; i < robot.motors; ++i) sum += M[c][i] + M_plus[i][c];
-  return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
+  for (int c : range(robot.motors, readings(robot)))
+    for (int i : range(robot.motors)) sum += M[c][i] + M_plus[i][c];
+  return isfinite(sum) ? regular : Outcome{Status::not_finite};
 }
 }  // namespace truepose

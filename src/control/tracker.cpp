@@ -12,7 +12,7 @@ TrackerGains tracker_gains(Real pole) {
   gains.acceleration = 1 / ((1 - pole) * (1 - pole));
   // impulse response: (1 - pole z⁻¹)² h = (1 - z⁻¹)², until it has decayed
   Real before = 0, last = 0;
-  for (int k = 0; k < 1000; ++k) {
+  for (int k : range(1000)) {
     const Real input = k == 0 ? 1 : k == 1 ? -2 : k == 2 ? 1 : 0;
     const Real h = input + 2 * pole * last - pole * pole * before;
     gains.variance += h * h;

@@ -10,7 +10,7 @@ Setpoint between(Mobility mobility, const Setpoint& from, const Setpoint& to, Re
   const Coordinates whole = difference(mobility, to_pose(mobility, to.x), start);
   Setpoint found;
   Coordinates step{};
-  for (int i = 0; i < dof(mobility); ++i) {
+  for (int i : range(dof(mobility))) {
     const Real v = T * from.rate[i], c = T * T * from.acceleration[i];
     const Real off = whole[i] - v - c / 2, faster = T * to.rate[i] - v - c;
     const Real harder = T * T * to.acceleration[i] - c;

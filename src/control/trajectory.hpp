@@ -1,8 +1,6 @@
 // Setpoints along a quintic time law.
 #pragma once
 
-#include <algorithm>
-
 #include "mechanism/pose.hpp"
 
 namespace truepose {
@@ -22,6 +20,6 @@ Setpoint between(Mobility mobility, const Setpoint& from, const Setpoint& to, Re
 /// times a constant.
 inline Setpoint quintic(Mobility mobility, const Coordinates& from, const Coordinates& to,
                         Real duration, Real time) {
-  return between(mobility, {from}, {to}, duration, std::clamp<Real>(time / duration, 0, 1));
+  return between(mobility, {from}, {to}, duration, clamp<Real>(time / duration, 0, 1));
 }
 }  // namespace truepose

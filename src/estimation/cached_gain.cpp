@@ -12,8 +12,8 @@ std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
     number(of.gear);
     for (const Real amplitude : of.amplitude) number(amplitude);
   };
-  word(static_cast<std::uint64_t>(robot.level) << 32 | static_cast<std::uint32_t>(robot.r));
-  for (int i = 0; i < robot.chains; ++i) {
+  word(std::uint64_t(robot.level) << 32 | std::uint32_t(robot.r));
+  for (int i : range(robot.chains)) {
     const Chain& chain = robot.chain[i];
     vectors(&chain.base, &chain.axis, &chain.zero, &chain.pivot, &chain.anchor, &chain.pair_axis,
             &chain.pair_drawn);
@@ -22,16 +22,16 @@ std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
       number(value);
     encoder(chain.eccentricity);
   }
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
-    word(static_cast<std::uint64_t>(sensor.kind) << 32 | static_cast<std::uint32_t>(sensor.chain));
+    word(std::uint64_t(sensor.kind) << 32 | std::uint32_t(sensor.chain));
     vectors(&sensor.origin, &sensor.direction, &sensor.target, &sensor.normal);
     number(sensor.gain);
     number(sensor.offset);
     encoder(sensor.eccentricity);
   }
-  for (int k = 0; k < known.count; ++k) {
-    word(static_cast<std::uint32_t>(known.column[k]));
+  for (int k : range(known.count)) {
+    word(std::uint32_t(known.column[k]));
     if (known.root) number(known.root[k * known.count + k]);
   }
   return mark | 1;
@@ -51,38 +51,37 @@ Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark, 
   geometry.sigma.fill(1);
   gather(robot, geometry, H_xi, rows, B);
   times_root(geometry, rows, B);
-  for (int m = 0; m < p; ++m) {
+  for (int m : range(p)) {
     Coordinates e_x;
-    for (int i = 0; i < n; ++i)
-      e_x[i] = sum_of(n, [&](int j) { return at.J[i][j] * B[j * p + m]; });
-    for (int i = 0; i < n; ++i) B[i * p + m] = e_x[i];
-    for (int k = n; k < rows; ++k)
-      for (int i = 0; i < n; ++i) B[k * p + m] -= H_x[k][i] * e_x[i];
+    for (int i : range(n)) e_x[i] = sum_of(n, [&](int j) { return at.J[i][j] * B[j * p + m]; });
+    for (int i : range(n)) B[i * p + m] = e_x[i];
+    for (int k : range(n, rows))
+      for (int i : range(n)) B[k * p + m] -= H_x[k][i] * e_x[i];
   }
-  for (int i = 0; i < rows; ++i) {
-    if (!(known.sigma[i] > 0)) return {Status::not_finite, -1};
-    for (int j = 0; j <= i; ++j) kept.C[i][j] = dot(p, B + i * p, B + j * p);
+  for (int i : range(rows)) {
+    if (!(known.sigma[i] > 0)) return {Status::not_finite};
+    for (int j : range(i + 1)) kept.C[i][j] = dot(p, B + i * p, B + j * p);
   }
   const Outcome outcome = at.weigh(robot, known, kept);
   if (!outcome) return outcome;
   if (compares) {
     Real most = 0;
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       std::array<Real, kMaxSensors> apart;  // (K₀ - K) L
       Real sum = 0;
-      for (int k = 0; k < robot.r; ++k) {
+      for (int k : range(robot.r)) {
         apart[k] = 0;
-        for (int l = k; l < robot.r; ++l) apart[k] += (before[i][l] - at.gain[i][l]) * at.V.L[l][k];
+        for (int l : range(k, robot.r)) apart[k] += (before[i][l] - at.gain[i][l]) * at.V.L[l][k];
         sum += apart[k] * apart[k];
       }
-      most = std::max(most, sum / at.variance[i]);
+      most = max(most, sum / at.variance[i]);
     }
-    kept.became = std::sqrt(most);
-    kept.slope = std::max(kept.became / way, kForgets * kept.slope);
+    kept.became = sqrt(most);
+    kept.slope = max(kept.became / way, kForgets * kept.slope);
   }
   kept.reach = compares ? kMostReach : kFirstReach;
-  if (kept.slope > 0) kept.reach = std::min(kept.reach, kept.share / (kFaster * kept.slope));
-  for (int i = 0; i < n; ++i) kept.q[i] = q[i];
+  if (kept.slope > 0) kept.reach = min(kept.reach, kept.share / (kFaster * kept.slope));
+  for (int i : range(n)) kept.q[i] = q[i];
   kept.of = mark;
   return outcome;
 }

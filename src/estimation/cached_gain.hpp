@@ -41,7 +41,7 @@ struct CachedGain {
 
   /// Travel of the motors since the refresh, added up.
   Real way(int n, const Joint& now) const {
-    return sum_of(n, [&](int i) { return std::fabs(now[i] - q[i]); });
+    return sum_of(n, [&](int i) { return fabs(now[i] - q[i]); });
   }
 };
 static_assert(std::is_trivially_copyable_v<CachedGain> && std::is_standard_layout_v<CachedGain>);
@@ -73,14 +73,13 @@ struct CachedFusion {
     n = dof(robot.mobility);
     Square H_q;
     Unknowns size;
-    for (int j = 0; j < n; ++j) {
-      for (int i = 0; i < n; ++i) H_q[i][j] = H_x[i][j];
+    for (int j : range(n)) {
+      for (int i : range(n)) H_q[i][j] = H_x[i][j];
       size[j] = sum_of(n, [&](int i) { return H_q[i][j] * H_q[i][j]; });
     }
     if (!invert(n, n, H_q, size, J)) return false;
-    for (int k = 0; k < robot.r; ++k)
-      for (int j = 0; j < n; ++j)
-        g[k][j] = sum_of(n, [&](int i) { return H_x[n + k][i] * J[i][j]; });
+    for (int k : range(robot.r))
+      for (int j : range(n)) g[k][j] = sum_of(n, [&](int i) { return H_x[n + k][i] * J[i][j]; });
     return true;
   }
 
@@ -90,24 +89,24 @@ struct CachedFusion {
     const auto& C = kept.C;
     SensorRows noisy;  // H_r J Σ_q
     std::array<Real, kMaxReadings> own;
-    for (int c = 0; c < n + r; ++c) own[c] = known.sigma[c] * known.sigma[c];
-    for (int k = 0; k < r; ++k) {
-      for (int j = 0; j < n; ++j) noisy[k][j] = g[k][j] * own[j];
-      for (int l = 0; l <= k; ++l) {
+    for (int c : range(n + r)) own[c] = known.sigma[c] * known.sigma[c];
+    for (int k : range(r)) {
+      for (int j : range(n)) noisy[k][j] = g[k][j] * own[j];
+      for (int l : range(k + 1)) {
         V.L[k][l] = C[n + k][n + l] + (k == l ? own[n + k] : 0);
-        for (int j = 0; j < n; ++j) V.L[k][l] += noisy[k][j] * g[l][j];
+        for (int j : range(n)) V.L[k][l] += noisy[k][j] * g[l][j];
       }
     }
-    if (!V.factor(r)) return {Status::not_finite, -1};
-    for (int i = 0; i < n; ++i) {
+    if (!V.factor(r)) return {Status::not_finite};
+    for (int i : range(n)) {
       variance[i] = C[i][i];
-      for (int j = 0; j < n; ++j) variance[i] += J[i][j] * J[i][j] * own[j];
-      for (int k = 0; k < r; ++k) {
+      for (int j : range(n)) variance[i] += J[i][j] * J[i][j] * own[j];
+      for (int k : range(r)) {
         whitened[i][k] = C[n + k][i];
-        for (int j = 0; j < n; ++j) whitened[i][k] -= J[i][j] * noisy[k][j];
+        for (int j : range(n)) whitened[i][k] -= J[i][j] * noisy[k][j];
       }
       V.whiten(r, whitened[i].data(), 1);
-      for (int k = 0; k < r; ++k) variance[i] -= whitened[i][k] * whitened[i][k];
+      for (int k : range(r)) variance[i] -= whitened[i][k] * whitened[i][k];
       gain[i] = whitened[i];
       V.colour(r, gain[i].data());
     }
@@ -117,13 +116,13 @@ struct CachedFusion {
   /// Step to the pose of all readings. @param e  q_e - h @return χ² of the parity
   Real step(const Robot& robot, const Extended& e, Coordinates& step) const {
     Reading p{};
-    for (int k = 0; k < robot.r; ++k) {
+    for (int k : range(robot.r)) {
       p[k] = e[n + k];
-      for (int j = 0; j < n; ++j) p[k] -= g[k][j] * e[j];
+      for (int j : range(n)) p[k] -= g[k][j] * e[j];
     }
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       step[i] = sum_of(n, [&](int j) { return J[i][j] * e[j]; });
-      for (int k = 0; k < robot.r; ++k) step[i] -= gain[i][k] * p[k];
+      for (int k : range(robot.r)) step[i] -= gain[i][k] * p[k];
     }
     V.whiten(robot.r, p.data(), 1);
     return sum_of(robot.r, [&](int k) { return p[k] * p[k]; });
@@ -131,11 +130,11 @@ struct CachedFusion {
 
   /// TEJ: H_q times the gain, [I + K' g, -K'] with K' = H_q K.
   void tej(const Robot& robot, const PoseRows& H_x, ExtendedRows& M_plus) const {
-    for (int i = 0; i < n; ++i) {
-      for (int c = 0; c < n; ++c) M_plus[i][c] = i == c;
-      for (int k = 0; k < robot.r; ++k) {
+    for (int i : range(n)) {
+      for (int c : range(n)) M_plus[i][c] = i == c;
+      for (int k : range(robot.r)) {
         const Real sum = sum_of(n, [&](int j) { return H_x[i][j] * gain[j][k]; });
-        for (int c = 0; c < n; ++c) M_plus[i][c] += sum * g[k][c];
+        for (int c : range(n)) M_plus[i][c] += sum * g[k][c];
         M_plus[i][n + k] = -sum;
       }
     }

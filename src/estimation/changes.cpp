@@ -8,7 +8,7 @@ namespace {
 constexpr int kFaults = 2;  ///< steps of a reading's fault: bias, drift
 
 int responses(const ChangeSettings& changes, int readings) {
-  return changes.count + kFaults * readings;
+  return changes.steps + kFaults * readings;
 }
 
 /// Steps of a change; after those of the settings, of a reading's fault.
@@ -16,73 +16,65 @@ struct Steps {
   int first, count;
 };
 Steps steps_of(const ChangeSettings& changes, int change) {
-  const int fault = change - changes.sets;
-  if (fault >= 0) return {changes.count + kFaults * fault, kFaults};
+  const int fault = change - changes.count;
+  if (fault >= 0) return {changes.steps + kFaults * fault, kFaults};
   const int first = change > 0 ? changes.end[change - 1] : 0;
   return {first, changes.end[change] - first};
 }
 
 int widest(const ChangeSettings& changes) {
   int most = kFaults;
-  for (int k = 0; k < changes.sets; ++k) most = std::max(most, steps_of(changes, k).count);
+  for (int k : range(changes.count)) most = max(most, steps_of(changes, k).count);
   return most;
 }
 
-/// Log of the marginal likelihood over that of no change, and by how much χ² is lower.
-struct Gain {
-  Real log_odds, chi2;
-};
-Gain gain_of(const Steps& steps, const Window& window) {
-  const int n = steps.count;
-  Real *L = window.scratch, *y = L + n * n;
-  Gain gain{};
-  for (int i = 0; i < n; ++i) {  // Cholesky and forward substitution, row by row
-    const Real* row = window.product + (steps.first + i) * window.widest;
-    y[i] = window.z[steps.first + i];
-    for (int j = 0; j <= i; ++j) {
-      Real sum = row[j] + (i == j);
-      for (int k = 0; k < j; ++k) sum -= L[i * n + k] * L[j * n + k];
-      L[i * n + j] = i == j ? std::sqrt(std::max(sum, Real(1))) : sum / L[j * n + j];
-    }
-    for (int k = 0; k < i; ++k) y[i] -= L[i * n + k] * y[k];
-    y[i] /= L[i * n + i];
-    gain.chi2 += y[i] * y[i];
-    gain.log_odds -= std::log(L[i * n + i]);
+/// Evidence of a change, with its rate.
+Evidence evidence_of(const ChangeSettings& changes, int change, const Window& window) {
+  const auto [first, n] = steps_of(changes, change);
+  Real *S = window.scratch, *z = S + n * n;
+  for (int i : range(n)) {
+    std::copy_n(window.product + (first + i) * window.widest, n, S + i * n);
+    z[i] = window.z[first + i];
   }
-  gain.log_odds += gain.chi2 / 2;
-  return gain;
+  Evidence found = evidence(n, S, z);
+  found.log_odds += change < changes.count ? changes.log_odds[change] : kLogFault;
+  return found;
 }
 }  // namespace
 
 int window_memory(const Robot& robot, int p, const ChangeSettings& changes) {
-  if (changes.sets == 0) return 0;
+  if (changes.count == 0) return 0;
   const int m = readings(robot), K = responses(changes, m), n = widest(changes);
-  return 2 * p * (p + 1) + K * (p + 1 + n + redundancy(robot)) + n * (n + 1) + changes.count +
-         kStored * m + parameter_count(robot);
+  return 2 * p * p + 3 * parameter_count(robot) + K * (p + 1 + n + redundancy(robot)) +
+         n * (n + 1) + changes.steps + kStored * m;
 }
 
-void lay_out(const Robot& robot, int p, const ChangeSettings& changes, Real* memory,
-             Window& window) {
+void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
+             Real* memory, Window& window) {
   const int m = readings(robot), K = responses(changes, m), n = widest(changes);
+  const int p = filter.count, width = parameter_count(robot);
   const auto take = [&](int count) { return std::exchange(memory, memory + count); };
   window.widest = n;
-  window.base = take(p * (p + 1)), window.mean = take(p * (p + 1));
+  for (RootFilter* own : {&window.base, &window.filter})
+    *own = {p, filter.column, take(width), take(p * p)};
   window.response = take(K * p), window.z = take(K), window.product = take(K * n);
-  window.share = take(changes.count);
+  window.share = take(changes.steps);
   window.scratch = take(n * (n + 1) + K * redundancy(robot));
   window.stored = take(kStored * m);
-  window.about = take(parameter_count(robot));
+  window.about = take(width);
 }
 
-void restart(const ChangeSettings& changes, int readings, int p, Window& window, Real* work) {
-  const int K = responses(changes, readings);
-  std::copy_n(window.base, p * (p + 1), window.mean);
+void restart(const ChangeSettings& changes, int readings, Window& window, Real* work) {
+  RootFilter& filter = window.filter;
+  const int K = responses(changes, readings), p = filter.count;
+  filter.assign(window.base);
   if (changes.load >= 0)
-    for (int j = 0; j < p; ++j) window.mean[j] += window.moved * changes.step[changes.load * p + j];
-  for (int k = 0; k < changes.count; ++k) {
+    for (int j : range(p))
+      filter.xi[filter.column[j]] += window.moved * changes.step[changes.load * p + j];
+  for (int k : range(changes.steps)) {
     if (!(window.share[k] > 0)) continue;
-    for (int j = 0; j < p; ++j) work[j] = std::sqrt(window.share[k]) * changes.step[k * p + j];
-    add_drift(p, window.mean + p, work);
+    for (int j : range(p)) work[j] = sqrt(window.share[k]) * changes.step[k * p + j];
+    add_drift(p, filter.root, work);
   }
   std::fill_n(window.response, K * p, 0.0);
   std::fill_n(window.z, K, 0.0);
@@ -93,86 +85,64 @@ void restart(const ChangeSettings& changes, int readings, int p, Window& window,
   window.gross = false;
 }
 
-void add_row(const ChangeSettings& changes, const Knowledge& known, const Equations& row,
+void add_row(const ChangeSettings& changes, const Extended& sigma, const Equations& row,
              Window& window, Real* work) {
-  const int p = known.count, r = row.r, readings = row.readings;
-  Real *F = work, *gain = F + r * p, *S = window.mean + p;
-  Innovations line;
-  line.r = r;
-  for (int i = 0; i < r; ++i) {
-    line.y[i] = row.e[i];
-    for (int k = 0; k < p; ++k)
-      line.y[i] -= row.B[i * p + k] * (window.mean[k] - row.about[known.column[k]]);
-  }
+  const int p = window.filter.count, r = row.r, readings = row.readings;
+  Real *F = work, *gain = F + r * p;
+  Innovations made;
+  made.r = r;
+  copy_first(r, row.e, made.y);
   std::copy_n(row.B, r * p, F);
-  times_root({p, known.column, S, known.sigma}, r, F);
-  decorrelate(p, F, row.curvature, line);
-  const Real chi2 = line.chi2();
-  Real sum = 0 * chi2;
-  for (int i = 0; i < r; ++i) {
-    sum += 0 / line.noise[i];
-    for (int k = 0; k < p; ++k) sum += 0 * (F[i * p + k] / line.noise[i]);
-  }
+  const Outcome finite = innovate(window.filter, row.about, row.curvature, F, made);
   ++window.rows;
+  const Real chi2 = made.chi2();
   const bool gross = !(chi2 <= beyond(kGate, r));
   // One gross row says nothing of a change; the next ones do.
-  if (!std::isfinite(sum) || (gross && !std::exchange(window.gross, gross))) return;
+  if (!finite || (gross && !std::exchange(window.gross, gross))) return;
   window.gross = gross;
   window.chi2 += chi2, window.freedom += r, ++window.used;
-  for (int i = 0; i < r; ++i) {
-    update_root(p, S, F + i * p, line.noise[i], gain + i * p);
-    for (int k = 0; k < p; ++k) window.mean[k] += gain[i * p + k] * line.y[i] / line.total[i];
-  }
-  const auto independent = [&](std::array<Real, kMaxReadings>& w) {
-    for (int i = 0; i < r; ++i)
-      for (int k = 0; k < i; ++k) w[i] -= line.L[i][k] * w[k];
-  };
+  update(made, F, window.filter, gain);
   std::array<Real, kMaxReadings> w;
   Real* const every = window.scratch;
   const auto respond = [&](int k) {  // w holds the step's own effect
     Real* own = window.response + k * p;
-    for (int i = 0; i < r; ++i)
-      for (int j = 0; j < p; ++j) w[i] -= row.B[i * p + j] * own[j];
-    independent(w);
-    for (int i = 0; i < r; ++i) {
-      const Real share = w[i] / line.total[i];
-      window.z[k] += share * line.y[i];
+    for (int i : range(r))
+      for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
+    made.transform(w);
+    for (int i : range(r)) {
+      const Real share = w[i] / made.total[i];
+      window.z[k] += share * made.y[i];
       every[k * r + i] = w[i];
-      for (int j = 0; j < p; ++j) own[j] += gain[i * p + j] * share;
+      for (int j : range(p)) own[j] += gain[i * p + j] * share;
     }
   };
-  for (int k = 0; k < changes.count; ++k) {
-    for (int i = 0; i < r; ++i) {
+  for (int k : range(changes.steps)) {
+    for (int i : range(r)) {
       const auto by = [&](int j) { return row.B[i * p + j] * changes.step[k * p + j]; };
       w[i] = k == changes.load && row.loaded ? row.loaded[i] : sum_of(p, by);
     }
     respond(k);
   }
-  for (int c = 0; c < readings; ++c) {
-    for (int fault = 0; fault < kFaults; ++fault) {
-      const Real bias = kFault / known.sigma[c] * (fault ? Real(window.rows) / kWindow : 1);
-      for (int i = 0; i < r; ++i) w[i] = bias * row.G[i * readings + c];
-      respond(changes.count + kFaults * c + fault);
+  for (int c : range(readings)) {
+    for (int fault : range(kFaults)) {
+      const Real bias = kFault / sigma[c] * (fault ? Real(window.rows) / kWindow : 1);
+      for (int i : range(r)) w[i] = bias * row.G[i * readings + c];
+      respond(changes.steps + kFaults * c + fault);
     }
-    for (int i = 0; i < r; ++i) w[i] = row.G[i * readings + c];
-    independent(w);
-    Real score = 0, information = 0;
-    for (int i = 0; i < r; ++i) {
-      score += w[i] * line.y[i] / line.total[i];
-      information += w[i] * w[i] / line.total[i];
-    }
-    for (std::size_t f = 0; f < kFactor.size(); ++f) {
-      const Real more = kFactor[f] * kFactor[f] - 1, volume = 1 + more * information;
-      window.noisy[f][c] += 0.5 * (more * score * score / volume - std::log(volume));
-    }
+    for (int i : range(r)) w[i] = row.G[i * readings + c];
+    made.transform(w);
+    Column error;
+    for (int i : range(r)) error.add(w[i], made.y[i], made.total[i]);
+    for (std::size_t f = 0; f < kFactor.size(); ++f)
+      window.noisy[f][c] += error.log_odds(kFactor[f] * kFactor[f] - 1);
   }
-  for (int change = 0; change < changes.sets + readings; ++change) {
+  for (int change : range(changes.count + readings)) {
     const auto [first, count] = steps_of(changes, change);
-    for (int a = first; a < first + count; ++a)
-      for (int b = first; b <= a; ++b)
-        for (int i = 0; i < r; ++i)
+    for (int a : range(first, first + count))
+      for (int b : range(first, a + 1))
+        for (int i : range(r))
           window.product[a * window.widest + b - first] +=
-              every[a * r + i] * every[b * r + i] / line.total[i];
+              every[a * r + i] * every[b * r + i] / made.total[i];
   }
 }
 
@@ -180,28 +150,22 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   Finding finding;
   std::array<Recognised, 3> best;  // of each kind
   for (Recognised& of : best) of.log_odds = -INFINITY;
-  const auto best_of = [&](ChangeKind kind) -> Recognised& {
-    return best[static_cast<std::size_t>(kind)];
-  };
+  const auto best_of = [&](ChangeKind kind) -> Recognised& { return best[std::size_t(kind)]; };
   Real left = window.chi2, top = 0;
-  const auto compare = [&](ChangeKind kind, int which, const Gain& gain) {
+  const auto compare = [&](ChangeKind kind, int which, const Evidence& by) {
     Recognised& of = best_of(kind);
-    if (gain.log_odds > of.log_odds) of = {0, kind, which, gain.log_odds};
-    if (!(gain.log_odds > top)) return false;
-    top = gain.log_odds, left = window.chi2 - gain.chi2;
+    if (by.log_odds > of.log_odds) of = {0, kind, which, by.log_odds};
+    if (!(by.log_odds > top)) return false;
+    top = by.log_odds, left = window.chi2 - by.chi2;
     finding.likeliest = of;
     return true;
   };
-  const auto gain = [&](int change) {
-    Gain found = gain_of(steps_of(changes, change), window);
-    found.log_odds += change < changes.sets ? changes.log_odds[change] : kLogFault;
-    return found;
-  };
-  for (int k = 0; k < changes.sets; ++k) compare(ChangeKind::part, k, gain(k));
-  for (int c = 0; c < readings; ++c) compare(ChangeKind::fault, c, gain(changes.sets + c));
+  const auto of = [&](int change) { return evidence_of(changes, change, window); };
+  for (int k : range(changes.count)) compare(ChangeKind::part, k, of(k));
+  for (int c : range(readings)) compare(ChangeKind::fault, c, of(changes.count + c));
   const Real steps_top = top;
   Real factor = 1;  // of noise, if that is the likeliest
-  for (int c = 0; c < readings; ++c)
+  for (int c : range(readings))
     for (std::size_t f = 0; f < kFactor.size(); ++f) {
       if (kFactor[f] < 1 && sigma[c] < 1.5 * window.sigma[c]) continue;
       const bool wild = kFactor[f] * sigma[c] > kNoisiest * window.sigma[c];
@@ -211,15 +175,14 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
     }
   const bool noisy = top > steps_top;
   // Relative to the likeliest.
-  const Real none = std::exp(-top);
+  const Real none = exp(-top);
   Real parts = 0, faults = 0;
-  for (int k = 0; k < changes.sets; ++k) parts += std::exp(gain(k).log_odds - top);
-  for (int c = 0; c < readings; ++c) faults += std::exp(gain(changes.sets + c).log_odds - top);
+  for (int k : range(changes.count)) parts += exp(of(k).log_odds - top);
+  for (int c : range(readings)) faults += exp(of(changes.count + c).log_odds - top);
   const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;
-  finding.fits =
-      window.used >= kUsed * window.next && left <= beyond(kFit, std::max(1, window.freedom));
+  finding.fits = window.used >= kUsed * window.next && left <= beyond(kFit, max(1, window.freedom));
   if (!finding.decisive) return finding;
   if (finding.likeliest.kind == ChangeKind::noise) {
     sigma[finding.likeliest.which] *= factor;
@@ -227,8 +190,8 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
     finding.likeliest = best_of(ChangeKind::fault);
   } else {
     finding.likeliest = best_of(ChangeKind::part);
-    for (int k = 0; k < changes.sets; ++k) {
-      const Real share = std::exp(gain(k).log_odds - top) / parts;
+    for (int k : range(changes.count)) {
+      const Real share = exp(of(k).log_odds - top) / parts;
       const auto [first, count] = steps_of(changes, k);
       for (int j = first; share > kNeglected && j < first + count; ++j) {
         if (j == changes.load && count == 1) {  // constant steps would not tell its amount

@@ -4,24 +4,26 @@
 // of one reading. A filter that knows of none runs over the rows; a step shifts its innovations ν
 // by a·w, w the filter's response to d (Willsky and Jones, A generalized likelihood ratio approach,
 // 1976). With z = Σ w ν / σ_ν² and S = Σ w wᵀ / σ_ν² of the steps that happen together, the log
-// odds over no change are zᵀ(I + S)⁻¹z / 2 - log det(I + S) / 2 + log rate. Bounded work a row, no
+// odds over no change are their evidence (evidence.hpp) + log rate. Bounded work a row, no
 // allocation, no exception.
 #pragma once
 
-#include "estimation/knowledge.hpp"
-#include "estimation/residual_test.hpp"
+#include "estimation/evidence.hpp"
+#include "estimation/root_filter.hpp"
 
 namespace truepose {
-/// Changes to expect. Constant during a run.
+/// Changes to expect: truepose_changes. Constant during a run.
 struct ChangeSettings {
-  int count = 0;                      ///< number of steps
-  const Real* step = nullptr;         ///< count × p: d of each, 1 σ
-  int sets = 0;                       ///< number of changes: the steps that happen together
-  const std::int32_t* end = nullptr;  ///< index after the last step of each, increasing
-  const Real* log_odds = nullptr;     ///< of each in a window
+  int steps = 0;   ///< number of steps
+  int count = 0;   ///< number of changes: the steps that happen together
+  int drifts = 0;  ///< independent random walks, each of one or several parameters together
   /// A step that is a payload: its force F turns or shifts each motor by its compliance · Jᵀ F.
-  /// `step` has the nearest constant one, by which the geometry follows.
+  /// `step` has the nearest constant one, by which the geometry follows. -1: none
   int load = -1;
+  const Real* step = nullptr;         ///< steps × p: d of each, 1 σ
+  const std::int32_t* end = nullptr;  ///< index after the last step of each change, increasing
+  const Real* log_odds = nullptr;     ///< of each change in a window
+  const Real* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
   Coordinates force{};
   Joint compliance{};
 };
@@ -55,7 +57,7 @@ inline constexpr Real kNoisiest = 17;  ///< largest factor of all
 
 /// Filter without a change, and the responses. Arrays are the caller's.
 struct Window {
-  Real *base = nullptr, *mean = nullptr;  ///< ξ̂ and S at its start; the same after its rows
+  RootFilter base, filter;   ///< at its start; the same after its rows
   Real* response = nullptr;  ///< by step, then bias and drift of each reading; also these:
   Real *z = nullptr, *product = nullptr;  ///< z, and the row of S that belongs to its change
   Real* share = nullptr;                  ///< of each step's variance that was added at the start
@@ -81,9 +83,9 @@ struct Window {
 
 /// Numbers of memory of a window.
 int window_memory(const Robot& robot, int p, const ChangeSettings& changes);
-/// Lays out a window's arrays.
-void lay_out(const Robot& robot, int p, const ChangeSettings& changes, Real* memory,
-             Window& window);
+/// Lays out a window's arrays. @param filter  the calibration's
+void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
+             Real* memory, Window& window);
 
 /// r equations about ξ of one row, as linearised at `about`.
 struct Equations {
@@ -94,8 +96,8 @@ struct Equations {
   Real curvature = 0;
 };
 
-/// Adds a row to a window's evidence. @param work  2 r p numbers
-void add_row(const ChangeSettings& changes, const Knowledge& known, const Equations& row,
+/// Adds a row to a window's evidence. @param sigma  of the readings @param work  2 r p numbers
+void add_row(const ChangeSettings& changes, const Extended& sigma, const Equations& row,
              Window& window, Real* work);
 
 /// Decision over a window's rows.
@@ -110,5 +112,5 @@ struct Finding {
 Finding decide(const ChangeSettings& changes, int readings, Window& window, Extended& sigma);
 
 /// Restarts the window's filter from its base with the changes added so far.
-void restart(const ChangeSettings& changes, int readings, int p, Window& window, Real* work);
+void restart(const ChangeSettings& changes, int readings, Window& window, Real* work);
 }  // namespace truepose

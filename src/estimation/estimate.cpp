@@ -4,8 +4,7 @@
 namespace truepose {
 bool is_last(Real size, Real last, Real chi2, int rows, bool whole) {
   // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
-  const Real enough =
-      kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
+  const Real enough = kLastStep * max(Real(1), chi2 / rows);  // of the residual that remains anyway
   const bool next = whole && last < INFINITY && size * size < kPredicted * enough * last;
   return size < enough || next || (size < 1e-6 && size > 0.25 * last);
 }
@@ -14,7 +13,7 @@ Real dot(int size, const Real* a, const Real* b) {
   Real sum[4] = {};
   int k = 0;
   for (; k + 4 <= size; k += 4)
-    for (int j = 0; j < 4; ++j) sum[j] += a[k + j] * b[k + j];
+    for (int j : range(4)) sum[j] += a[k + j] * b[k + j];
   for (; k < size; ++k) sum[0] += a[k] * b[k];
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
@@ -24,21 +23,20 @@ Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
   const int rows = readings(robot);
   times_root(known, rows, B);
   bool positive = true;
-  for (int i = 0; i < rows; ++i) {
+  for (int i : range(rows)) {
     positive = positive && known.sigma[i] > 0;
-    for (int j = 0; j <= i; ++j)
+    for (int j : range(i + 1))
       C.L[i][j] = (i == j) + dot(known.count, B + i * known.count, B + j * known.count);
   }
-  return {positive && C.factor(rows) ? Status::ok : Status::not_finite, -1};
+  return {positive && C.factor(rows) ? Status::ok : Status::not_finite};
 }
 
 Real within_turn(const Robot& robot, int reading, Real difference) {
   const int m = robot.motors;
   if (reading < m) return within_turn(robot.chain[reading], difference);
   const Sensor& sensor = robot.sensor[reading - m];
-  return properties(sensor.kind).wraps
-             ? without_turns(difference, 2 * std::numbers::pi_v<Real> * sensor.gain)
-             : difference;
+  return properties(sensor.kind).wraps ? without_turns(difference, 2 * kPi * sensor.gain)
+                                       : difference;
 }
 
 namespace {
@@ -52,12 +50,12 @@ struct WhitenedRows {
                const PoseRows& H_x)
       : A(H_x) {
     const int n = dof(robot.mobility), rows = readings(robot);
-    for (int i = 0; i < rows; ++i)
-      for (int j = 0; j < n; ++j) A[i][j] /= known.sigma[i];
-    for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], kMaxDof);
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j <= i; ++j)
-        for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
+    for (int i : range(rows))
+      for (int j : range(n)) A[i][j] /= known.sigma[i];
+    for (int j : range(n)) C.whiten(rows, &A[0][j], kMaxDof);
+    for (int i : range(n)) {
+      for (int j : range(i + 1))
+        for (int k : range(rows)) normal[i][j] += A[k][i] * A[k][j];
       size[i] = normal[i][i];
     }
   }
@@ -68,11 +66,11 @@ struct Normal : WhitenedRows, Ldlt {
       : WhitenedRows(robot, known, C, H_x), Ldlt(dof(robot.mobility), normal, size) {}
 
   void covariance(int n, PoseMatrix& P) const {
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       Coordinates unit{};
       unit[j] = 1;
       solve(unit);
-      for (int i = 0; i < n; ++i) P[i][j] = unit[i];
+      for (int i : range(n)) P[i][j] = unit[i];
     }
   }
 };
@@ -96,12 +94,11 @@ struct Search {
   /// times their share of the promised change of the readings. @return whether it was shortened
   bool shorten(Real next) {
     const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
-    const Real inexact =
-        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
+    const Real inexact = 2 * slope * length * sqrt(min(cost, next) * max(promised, Real(0)));
     const Real most =
         cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact;
-    if (!(next > most && std::isfinite(cost) && length > 1e-3)) return false;
-    length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
+    if (!(next > most && isfinite(cost) && length > 1e-3)) return false;
+    length *= max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
     return true;
   }
 
@@ -110,28 +107,28 @@ struct Search {
   /// ratio: the secant then goes to where they vanish, or ahead where they grow.
   Outcome turn(Real next) {
     const Normal equations(robot, known, C, at.H_x);
-    if (!equations.regular()) return {Status::singular, -1};
+    if (!equations.regular()) return {Status::singular};
     equations.covariance(n, covariance);
     base = at.pose;
     cost = next;
     const Coordinates before = step;
     Real along = 0, whole2 = 0;  // of the last one
     Coordinates slope{};
-    for (int i = 0; i < n; ++i)
+    for (int i : range(n))
       slope[i] = sum_of(rows, [&](int c) { return equations.A[c][i] * white[c]; });
     step = slope;
     equations.solve(step);
     size = promised = 0;
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       promised += slope[i] * step[i];
-      size = std::max(size, step[i] * step[i] / covariance[i][i]);
+      size = max(size, step[i] * step[i] / covariance[i][i]);
       along += step[i] * before[i] / covariance[i][i];
       whole2 += before[i] * before[i] / covariance[i][i];
     }
-    if (!(std::fabs(along) > 0.25 * whole2))
+    if (!(fabs(along) > 0.25 * whole2))
       length = 1;
     else if (along < 0.9 * whole2)
-      length = std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)));
+      length = max(Real(0.1), min(length * whole2 / (whole2 - along), Real(10)));
     else
       length = 10;
     return {};
@@ -150,16 +147,16 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
              const PoseRows& H_x, Fusion& fusion) {
   const int n = dof(robot.mobility), rows = readings(robot);
   const Normal equations(robot, known, C, H_x);
-  if (!equations.regular()) return {Status::singular, -1};
+  if (!equations.regular()) return {Status::singular};
   equations.covariance(n, fusion.covariance);
-  for (int c = 0; c < rows; ++c) {
+  for (int c : range(rows)) {
     Coordinates column = equations.A[c];
     equations.solve(column);
-    for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
+    for (int i : range(n)) fusion.gain[i][c] = column[i];
   }
-  for (int i = 0; i < n; ++i) {  // times L⁻¹, from the right
+  for (int i : range(n)) {  // times L⁻¹, from the right
     C.colour(rows, fusion.gain[i].data());
-    for (int c = 0; c < rows; ++c) fusion.gain[i][c] /= known.sigma[c];
+    for (int c : range(rows)) fusion.gain[i][c] /= known.sigma[c];
   }
   return {};
 }
@@ -168,7 +165,7 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
           const Extended& q_e, const Extended& expected, Extended& white) {
   const int rows = readings(robot);
   innovation(robot, q_e, expected, white);
-  for (int c = 0; c < rows; ++c) white[c] /= known.sigma[c];
+  for (int c : range(rows)) white[c] /= known.sigma[c];
   C.whiten(rows, white.data(), 1);
   return sum_of(rows, [&](int c) { return white[c] * white[c]; });
 }
@@ -182,29 +179,28 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
   for (; outcome; ++iterations) {
     const Real next = chi2(robot, known, C, q_e, at.q_e, found.white), last = found.size;
     const bool whole = found.length == 1;
-    outcome.status = std::isfinite(next) ? Status::ok : Status::not_converged;
+    outcome.status = isfinite(next) ? Status::ok : Status::not_converged;
     if (outcome && !found.shorten(next)) {
       outcome = found.turn(next);
       const bool late = is_late(found.size, iterations, counted);
       if (outcome && (late || is_last(found.size, last, found.cost, found.rows, whole))) {
         found.go(1);
-        const Real left = std::max(found.cost - found.promised, Real(0));
+        const Real left = max(found.cost - found.promised, Real(0));
         return {{}, iterations + 1, left, found.covariance};
       }
     }
     if (!outcome) break;
     const bool spent = rest.most(true) < 1 && found.cost < kPlausible * found.rows;
-    if ((spent || iterations == kEstimateIterations) &&
-        std::max(found.promised, found.size) < kFlat) {
+    if ((spent || iterations == kEstimateIterations) && max(found.promised, found.size) < kFlat) {
       found.go(spent ? found.length : 0);
       return {{}, iterations, found.cost, found.covariance};
     }
     found.go(found.length);
     const bool goes_on = all_finite(found.step, found.n) && iterations < cap;
     outcome = goes_on ? linearise(level, robot, at.pose, at.q_e, at.H_x, nullptr, &rest)
-                      : Outcome{Status::not_converged, -1};
+                      : Outcome{Status::not_converged};
     if (outcome.status == Status::unreachable)  // of this step's pose, not of the readings
-      outcome = {Status::not_converged, -1};
+      outcome = {Status::not_converged};
   }
   return {outcome, iterations};
 }
@@ -224,8 +220,8 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
 
 void weighted_tej(const Robot& robot, const PoseRows& H_x, const Fusion& fusion,
                   ExtendedRows& M_plus) {
-  for (int i = 0; i < robot.motors; ++i)
-    for (int c = 0; c < readings(robot); ++c)
+  for (int i : range(robot.motors))
+    for (int c : range(readings(robot)))
       M_plus[i][c] =
           sum_of(dof(robot.mobility), [&](int j) { return H_x[i][j] * fusion.gain[j][c]; });
 }

@@ -4,8 +4,6 @@
 // readings, from geometry and counts alike. The weighted TEJ has the same weights.
 #pragma once
 
-#include <numbers>
-
 #include "control/tej.hpp"
 #include "estimation/knowledge.hpp"
 #include "estimation/linearise.hpp"
@@ -65,15 +63,15 @@ struct ReadingCovariance {
 
   /// Factors C from its lower triangle in L. @return false where C is no covariance
   bool factor(int rows) {
-    for (int i = 0; i < rows; ++i)
-      for (int j = 0; j <= i; ++j) {
+    for (int i : range(rows))
+      for (int j : range(i + 1)) {
         Real sum = L[i][j];
-        for (int k = 0; k < j; ++k) sum -= L[i][k] * L[j][k];
+        for (int k : range(j)) sum -= L[i][k] * L[j][k];
         if (i > j) {
           L[i][j] = sum / L[j][j];
         } else {
-          if (!(sum > 0 && std::isfinite(sum))) return false;
-          L[i][i] = std::sqrt(sum);
+          if (!(sum > 0 && isfinite(sum))) return false;
+          L[i][i] = sqrt(sum);
         }
       }
     return true;
@@ -81,9 +79,9 @@ struct ReadingCovariance {
 
   /// L⁻¹ b in place, b of `rows` entries `stride` apart.
   void whiten(int rows, Real* b, int stride) const {
-    for (int i = 0; i < rows; ++i) {
+    for (int i : range(rows)) {
       Real sum = b[i * stride];
-      for (int k = 0; k < i; ++k) sum -= L[i][k] * b[k * stride];
+      for (int k : range(i)) sum -= L[i][k] * b[k * stride];
       b[i * stride] = sum / L[i][i];
     }
   }
@@ -92,7 +90,7 @@ struct ReadingCovariance {
   void colour(int rows, Real* b) const {
     for (int i = rows; i-- > 0;) {
       Real sum = b[i];
-      for (int k = i + 1; k < rows; ++k) sum -= L[k][i] * b[k];
+      for (int k : range(i + 1, rows)) sum -= L[k][i] * b[k];
       b[i] = sum / L[i][i];
     }
   }
@@ -120,8 +118,7 @@ Real within_turn(const Robot& robot, int reading, Real difference);
 /// Readings minus expected ones, without whole turns of a joint.
 inline void innovation(const Robot& robot, const Extended& q_e, const Extended& expected,
                        Extended& residual) {
-  for (int i = 0; i < readings(robot); ++i)
-    residual[i] = within_turn(robot, i, q_e[i] - expected[i]);
+  for (int i : range(readings(robot))) residual[i] = within_turn(robot, i, q_e[i] - expected[i]);
 }
 
 /// Generalised least squares at a pose: δx = gain (q_e - h(x)), and δx's covariance.
@@ -179,8 +176,8 @@ Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, 
 /// @param rest   nullptr: nothing is known beforehand
 inline Estimate estimate(Level level, const Robot& robot, const Knowledge& known,
                          const Extended& q_e, Pose& pose, Real* work, Parasitic* rest = nullptr) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
-  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite, -1}};
+  if (!robot.finished) return {{Status::unfinished}};
+  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite}};
   Pose at = pose;
   Parasitic own;
   if (!rest) rest = &own;

@@ -1,7 +1,6 @@
 // Covariances of the geometry and of the readings: Σ_ξ and Σ_s.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 
 #include "mechanism/parameters.hpp"
@@ -16,26 +15,22 @@ struct Knowledge {
   Extended sigma{};            ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
 };
 
-/// Gathers the uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
-/// @param last  number of last columns of B without a column of H_ξ: left unchanged
+/// Gathers the uncertain columns of row c of H_ξ, divided by its reading's σ.
+/// @param last  number of last entries without a column of H_ξ: left unchanged
+inline void gather_row(const Robot& robot, const Knowledge& known, const Real* H_xi, int c,
+                       Real* row, int last = 0) {
+  const Real per_sigma = 1 / known.sigma[c];
+  H_xi += c * parameter_count(robot);
+  for (int k : range(known.count - last)) row[k] = per_sigma * H_xi[known.column[k]];
+}
+
+/// The same of `rows` rows.
 inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi, int rows, Real* B,
                    int last = 0) {
-  const int width = parameter_count(robot);
-  for (int i = 0; i < rows; ++i) {
-    const Real per_sigma = 1 / known.sigma[i];
-    for (int k = 0; k < known.count - last; ++k)
-      B[i * known.count + k] = per_sigma * H_xi[i * width + known.column[k]];
-  }
+  for (int c : range(rows)) gather_row(robot, known, H_xi, c, B + c * known.count, last);
 }
 
 /// B S in place, in blocks: entry j of a row depends on those from j on. Only the nonzero span of a
 /// row is multiplied: at first a motor's row has only its own chain's parameters.
 void times_root(const Knowledge& known, int rows, Real* B);
-
-/// Updates S by one equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
-/// @param b  out: the gain times alpha + fᵀf
-void update_root(int p, Real* S, const Real* f, Real alpha, Real* b);
-
-/// S Sᵀ + v vᵀ, triangular again, by one rotation per column. @param v  p numbers; overwritten
-void add_drift(int p, Real* S, Real* v);
 }  // namespace truepose

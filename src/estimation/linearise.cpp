@@ -5,9 +5,9 @@ namespace truepose {
 void pose_rows(const Robot& robot, const Jacobians& jacobians, const SensorRows& jr,
                PoseRows& H_x) {
   const int n = dof(robot.mobility), m = robot.motors;
-  for (int i = 0; i < m; ++i)
-    for (int j = 0; j < n; ++j) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
-  for (int k = 0; k < robot.r; ++k) H_x[m + k] = jr[k];
+  for (int i : range(m))
+    for (int j : range(n)) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
+  for (int k : range(robot.r)) H_x[m + k] = jr[k];
 }
 
 namespace {
@@ -23,14 +23,14 @@ Outcome linearise(const Robot& robot, const Closure& closure, Extended& q_e, Pos
   extend(robot, closure.q(), values, q_e);
   pose_rows(robot, jacobians, jr, H_x);
   Real sum = 0;  // a NaN shows in it
-  for (int c = 0; c < readings(robot); ++c)
-    for (int j = 0; j < n; ++j) sum += H_x[c][j];
+  for (int c : range(readings(robot)))
+    for (int j : range(n)) sum += H_x[c][j];
   if (H_xi) {
     parameter_jacobian(robot, closure, H_xi);
     const Real* end = H_xi + readings(robot) * parameter_count(robot);
     for (const Real* entry = H_xi; entry != end; ++entry) sum += *entry;
   }
-  if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
+  if (!isfinite(sum)) outcome = {Status::not_finite};
   return outcome;
 }
 Outcome linearise(const Robot& robot, const FullClosure& closure, Extended& q_e, PoseRows& H_x,

@@ -4,9 +4,8 @@
 namespace truepose {
 Real chi2_tail(Real x, int k) {
   const Real half = 0.5 * x;
-  Real tail = k % 2 ? std::erfc(std::sqrt(half)) : 0;
-  Real term = k % 2 ? std::exp(-half) * std::sqrt(half) * 2 * std::numbers::inv_sqrtpi_v<Real>
-                    : std::exp(-half);
+  Real tail = k % 2 ? std::erfc(sqrt(half)) : 0;
+  Real term = k % 2 ? exp(-half) * sqrt(half) * 2 * std::numbers::inv_sqrtpi_v<Real> : exp(-half);
   for (int m = k % 2 ? 3 : 2; m <= k; m += 2) {  // term: (x/2)^(m/2-1) e^(-x/2) / Γ(m/2)
     tail += term;
     term *= half / (0.5 * m);

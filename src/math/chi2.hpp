@@ -1,9 +1,6 @@
 // Tails of the χ² distribution with an integer number of degrees of freedom.
 #pragma once
 
-#include <cmath>
-#include <numbers>
-
 #include "math/real.hpp"
 
 namespace truepose {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 
 #include "math/real.hpp"
 
@@ -17,7 +16,7 @@ class Ldlt {
   /// Factorises A, rows of `stride`. size[j] is what A[j][j] would be without cancellation: the
   /// unit of pivot j, which makes the test of singularity independent of metres and radians.
   Ldlt(int n, const Real* A, int stride, const Real* size) : n_(n) {
-    for (int j = 0; j < n; ++j) {
+    for (int j = 0; j < n; ++j) {  // so written, gcc sees what is initialised
       const Real* row = A + j * stride;
       Real pivot = row[j], scaled[kMaxUnknowns];  // scaled: row j of L D
       for (int k = 0; k < j; ++k) {
@@ -37,7 +36,7 @@ class Ldlt {
   /// The same for a matrix of fixed capacity.
   template <class Matrix, class Size>
   Ldlt(int n, const Matrix& A, const Size& size)
-      : Ldlt(n, A[0].data(), static_cast<int>(A[0].size()), size.data()) {}
+      : Ldlt(n, A[0].data(), int(A[0].size()), size.data()) {}
 
   /// Whether A has full rank.
   bool regular() const { return regular_; }
@@ -45,11 +44,11 @@ class Ldlt {
   /// Solves A x = b in place.
   template <class Vector>
   void solve(Vector& b) const {
-    for (int i = 1; i < n_; ++i)
-      for (int k = 0; k < i; ++k) b[i] -= l_[i][k] * b[k];
-    for (int i = 0; i < n_; ++i) b[i] *= inverse_[i];
+    for (int i : range(1, n_))
+      for (int k : range(i)) b[i] -= l_[i][k] * b[k];
+    for (int i : range(n_)) b[i] *= inverse_[i];
     for (int i = n_ - 2; i >= 0; --i)
-      for (int k = i + 1; k < n_; ++k) b[i] -= l_[k][i] * b[k];
+      for (int k : range(i + 1, n_)) b[i] -= l_[k][i] * b[k];
   }
 
  private:

@@ -1,8 +1,6 @@
 // Newton iteration for loop closure, damped where a step fails.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "math/real.hpp"
@@ -57,7 +55,7 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int m
     end.regular = factors.regular();
     if (!end.regular) {
       ++end.iterations;
-      end.damping = std::max(10 * end.damping, 1e-3);
+      end.damping = max(10 * end.damping, 1e-3);
       continue;
     }
     // Near the solution the same factors serve a second, chord step: its error is the product of
@@ -66,12 +64,12 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int m
       ++end.iterations;
       step(*current, factors, *trial);
       if (settled > 0 && end.damping == 0 &&
-          std::fabs(trial->cost - current->cost) < settled * current->cost) {
+          fabs(trial->cost - current->cost) < settled * current->cost) {
         if (trial->cost < current->cost) std::swap(current, trial);
         return end;
       }
       if (!(trial->cost < current->cost)) {
-        end.damping = std::max(10 * end.damping, 1e-3);
+        end.damping = max(10 * end.damping, 1e-3);
         break;
       }
       end.damping = end.damping > 1e-3 ? 0.1 * end.damping : 0;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <numbers>
 
 #include "math/so3.hpp"
 

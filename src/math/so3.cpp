@@ -4,8 +4,8 @@
 namespace truepose {
 Versine versine_ratios(Real angle2) {
   if (!(angle2 < 1)) {
-    const Real angle = std::sqrt(angle2);
-    return {std::sin(angle) / angle, (1 - std::cos(angle)) / angle2};
+    const Real angle = sqrt(angle2);
+    return {sin(angle) / angle, (1 - cos(angle)) / angle2};
   }
   Real sine = 1, versine = 1;
   for (int k = 8; k > 0; --k) {  // Horner's scheme
@@ -31,14 +31,14 @@ Vec3 log_so3(const Mat3& R) {
   Real c;  // cos(angle/2)
   Vec3 v;  // sin(angle/2) along the axis
   if (const Real trace = R.trace(); trace > 0) {
-    const Real t = std::sqrt(trace + 1);
+    const Real t = sqrt(trace + 1);
     c = 0.5 * t;
     v = 0.5 / t * Vec3(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
   } else {
     int i = R(1, 1) > R(0, 0) ? 1 : 0;
     if (R(2, 2) > R(i, i)) i = 2;
     const int j = (i + 1) % 3, k = (i + 2) % 3;
-    const Real t = std::sqrt(R(i, i) - R(j, j) - R(k, k) + 1), per = 0.5 / t;
+    const Real t = sqrt(R(i, i) - R(j, j) - R(k, k) + 1), per = 0.5 / t;
     v[i] = 0.5 * t;
     v[j] = per * (R(j, i) + R(i, j));
     v[k] = per * (R(k, i) + R(i, k));
@@ -49,19 +49,18 @@ Vec3 log_so3(const Mat3& R) {
     v = -v;
   }
   const Real s = v.norm();
-  const Real half = c > 0.1 ? std::atan(s / c) : std::atan2(s, c);  // atan: half the cost
+  const Real half = c > 0.1 ? std::atan(s / c) : atan2(s, c);  // atan: half the cost
   return (s < 1e-10 ? 2.0 : 2.0 * half / s) * v;
 }
 
 Real theta_of(const Mat3& R, Real near) {
-  const Real theta = std::atan2(R(1, 0), R(0, 0));
-  if (!(std::fabs(near) < 1000)) return theta;
-  return theta + 2 * std::numbers::pi_v<Real> *
-                     std::nearbyint((near - theta) / (2 * std::numbers::pi_v<Real>));
+  const Real theta = atan2(R(1, 0), R(0, 0));
+  if (!(fabs(near) < 1000)) return theta;
+  return theta + 2 * kPi * std::nearbyint((near - theta) / (2 * kPi));
 }
 
 Vec3 tilt_keeping(Real theta, Real about_x, Real about_y) {
-  const Real c = std::cos(theta), s = std::sin(theta);
+  const Real c = cos(theta), s = sin(theta);
   const Real product = (c * about_x + s * about_y) * (c * about_y - s * about_x);
   Vec3 w(about_x, about_y, 0);
   for (int k = 0; k < kTiltIterations; ++k) {

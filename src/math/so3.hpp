@@ -2,14 +2,13 @@
 #pragma once
 
 #include <array>
-#include <numbers>
 
 #include "math/vec3.hpp"
 
 namespace truepose {
 /// Rotation about z.
 inline Mat3 rotation_z(Real angle) {
-  const Real c = std::cos(angle), s = std::sin(angle);
+  const Real c = cos(angle), s = sin(angle);
   return Mat3::of(c, -s, 0, s, c, 0, 0, 0, 1);
 }
 

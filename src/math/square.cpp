@@ -21,9 +21,9 @@ Factors::Factors(int rows, int n, const Unknowns* a, const Unknowns& size, Real 
     adjugate(size);
     return;
   }
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     order_[i] = i;
-    for (int j = 0; j < n; ++j)
+    for (int j : range(n))
       lu_[i][j] = square_ ? a[i][j] : sum_of(rows, [&](int k) { return a[k][i] * a[k][j]; });
     if (!square_) lu_[i][i] += damping * size[i];
   }
@@ -41,9 +41,9 @@ void Factors::adjugate(const Unknowns& size) {
   const Real last[]{-b.dot(t), a.dot(t), -d.dot(s), c.dot(s)};
   const Real determinant = s.dot(v) + t.dot(u), per_determinant = 1 / determinant;
   Real unit = kSingular;
-  for (int i = 0; i < n_; ++i) {
+  for (int i : range(n_)) {
     unit *= size[i];
-    for (int j = 0; j < n_; ++j) lu_[i][j] = per_determinant * (j < 3 ? first[i][j] : last[i]);
+    for (int j : range(n_)) lu_[i][j] = per_determinant * (j < 3 ? first[i][j] : last[i]);
   }
   regular_ = determinant * determinant > unit;  // false for a NaN
   sign_ = sign_of(determinant);
@@ -52,10 +52,10 @@ void Factors::adjugate(const Unknowns& size) {
 void Factors::factorise(const Unknowns& size) {
   sign_ = square_;
   with_size(n_, [&](auto n) {
-    for (int k = 0; k < n; ++k) {
+    for (int k : range(n)) {
       int best = k;
       for (int i = k + 1; i < n && square_; ++i)
-        if (std::fabs(lu_[i][k]) > std::fabs(lu_[best][k])) best = i;
+        if (fabs(lu_[i][k]) > fabs(lu_[best][k])) best = i;
       if (best != k) {
         sign_ = -sign_;
         std::swap(order_[k], order_[best]);
@@ -66,9 +66,9 @@ void Factors::factorise(const Unknowns& size) {
       regular_ = regular_ && (square_ ? pivot * pivot : pivot) > kSingular * size[k];
       sign_ *= sign_of(pivot);
       inverse_[k] = 1 / pivot;
-      for (int i = k + 1; i < n; ++i) {
+      for (int i : range(k + 1, n)) {
         const Real factor = lu_[i][k] *= inverse_[k];
-        for (int j = k + 1; j < n; ++j) lu_[i][j] -= factor * lu_[k][j];
+        for (int j : range(k + 1, n)) lu_[i][j] -= factor * lu_[k][j];
       }
     }
   });
@@ -77,16 +77,16 @@ void Factors::factorise(const Unknowns& size) {
 Unknowns Factors::solve(const Real* b) const {
   Unknowns x;
   if (small_) {
-    for (int i = 0; i < n_; ++i) x[i] = sum_of(n_, [&](int j) { return lu_[i][j] * b[j]; });
+    for (int i : range(n_)) x[i] = sum_of(n_, [&](int j) { return lu_[i][j] * b[j]; });
     return x;
   }
-  for (int i = 0; i < n_; ++i)
+  for (int i : range(n_))
     x[i] = square_ ? b[order_[i]] : sum_of(rows_, [&](int k) { return a_[k][i] * b[k]; });
   with_size(n_, [&](auto n) {
-    for (int i = 1; i < n; ++i)
-      for (int k = 0; k < i; ++k) x[i] -= lu_[i][k] * x[k];
+    for (int i : range(1, n))
+      for (int k : range(i)) x[i] -= lu_[i][k] * x[k];
     for (int i = n - 1; i >= 0; --i) {
-      for (int k = i + 1; k < n; ++k) x[i] -= lu_[i][k] * x[k];
+      for (int k : range(i + 1, n)) x[i] -= lu_[i][k] * x[k];
       x[i] *= inverse_[i];
     }
   });
@@ -100,13 +100,13 @@ Unknowns Factors::column(int j) const {
 }
 
 void Factors::invert(Square& inverse) const {
-  for (int j = 0; j < rows_; ++j) {
+  for (int j : range(rows_)) {
     if (small_) {
-      std::copy_n(lu_[j].begin(), n_, inverse[j].begin());
+      copy_first(n_, lu_[j], inverse[j]);
       continue;
     }
     const Unknowns by = column(j);
-    for (int i = 0; i < n_; ++i) inverse[i][j] = by[i];
+    for (int i : range(n_)) inverse[i][j] = by[i];
   }
 }
 
@@ -116,11 +116,11 @@ Inverted invert(int rows, int n, const Square& a, const Unknowns& size, Square& 
   if (rows == n) return {factors.regular(), factors.sign()};
   // A⁺ ← (2 - A⁺A) A⁺: AᵀA has the square of A's condition number, this error has not.
   const Square first = inverse;
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     Unknowns left;
-    for (int l = 0; l < n; ++l)
+    for (int l : range(n))
       left[l] = (i == l ? 2 : 0) - sum_of(rows, [&](int k) { return first[i][k] * a[k][l]; });
-    for (int j = 0; j < rows; ++j)
+    for (int j : range(rows))
       inverse[i][j] = sum_of(n, [&](int l) { return left[l] * first[l][j]; });
   }
   return {factors.regular(), 0};

@@ -2,7 +2,6 @@
 // of det J_x.
 #pragma once
 
-#include <algorithm>
 #include <utility>
 
 #include "math/ldlt.hpp"

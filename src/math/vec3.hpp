@@ -1,7 +1,6 @@
 // Vectors and matrices of space, as plain numbers that are copied byte by byte.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 
 #include "math/real.hpp"
@@ -42,9 +41,9 @@ struct Vec3 {
     return {y() * b.z() - z() * b.y(), z() * b.x() - x() * b.z(), x() * b.y() - y() * b.x()};
   }
   constexpr Real squaredNorm() const { return dot(*this); }
-  Real norm() const { return std::sqrt(squaredNorm()); }
+  Real norm() const { return sqrt(squaredNorm()); }
   constexpr Real sum() const { return x() + y() + z(); }
-  bool allFinite() const { return std::isfinite(x()) && std::isfinite(y()) && std::isfinite(z()); }
+  bool allFinite() const { return isfinite(x()) && isfinite(y()) && isfinite(z()); }
   Vec3 normalized() const;
 };
 constexpr Vec3 operator+(Vec3 a, const Vec3& b) { return a += b; }
@@ -56,7 +55,7 @@ constexpr Vec3 operator/(const Vec3& a, Real s) { return {a.x() / s, a.y() / s, 
 inline Vec3 Vec3::normalized() const { return *this / norm(); }
 /// A unit vector normal to a.
 inline Vec3 normal_to(const Vec3& a) {
-  return a.cross(std::fabs(a.x()) < 0.6 * a.norm() ? Vec3::UnitX() : Vec3::UnitY()).normalized();
+  return a.cross(fabs(a.x()) < 0.6 * a.norm() ? Vec3::UnitX() : Vec3::UnitY()).normalized();
 }
 
 /// Nine numbers, by columns; not initialised by default.
@@ -87,10 +86,10 @@ struct Mat3 {
   }
   /// Frobenius'.
   Real norm() const {
-    return std::sqrt(column[0].squaredNorm() + column[1].squaredNorm() + column[2].squaredNorm());
+    return sqrt(column[0].squaredNorm() + column[1].squaredNorm() + column[2].squaredNorm());
   }
   constexpr Mat3& operator+=(const Mat3& b) {
-    for (int j = 0; j < 3; ++j) column[j] += b.column[j];
+    for (int j : range(3)) column[j] += b.column[j];
     return *this;
   }
 };

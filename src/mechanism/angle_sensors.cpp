@@ -9,11 +9,11 @@ Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
   const Real f = forward.dot(rod), w = side.dot(rod), a = axis.dot(rod);
   const Real plane2 = f * f + w * w;
   if (sensor.kind == SensorKind::rod_in_plane) {
-    s.value = std::atan2(w, f);
+    s.value = atan2(w, f);
     s.rod = (f * side - w * forward) / plane2;
   } else {
-    const Real plane = std::sqrt(plane2);
-    s.value = std::atan2(a, plane);
+    const Real plane = sqrt(plane2);
+    s.value = atan2(a, plane);
     s.rod = (plane * axis - a / plane * (f * forward + w * side)) / (plane2 + a * a);
   }
   s.frame = s.rod.cross(rod);
@@ -25,7 +25,7 @@ Sensed sense_rod_angle(const Sensor& sensor, const SeenChain& seen) {
       s.direction = f / plane2 * by_axis;
       s.normal = (f * by_forward - w * r) / plane2;
     } else {
-      const Real plane = std::sqrt(plane2), total = plane2 + a * a;
+      const Real plane = sqrt(plane2), total = plane2 + a * a;
       s.direction = (plane * r - a * w / plane * by_axis) / total;
       s.normal = -a / (plane * total) * (f * r + w * by_forward);
     }

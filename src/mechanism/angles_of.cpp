@@ -11,18 +11,18 @@ void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
     Square by;
     Unknowns size{}, off;
     twist_row(seen.D - carried.pose.D, turn, off.data());
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       Unknowns column;
       twist_row(carried.linear[j], unit * carried.axis[j], column.data());
-      for (int i = 0; i < 6; ++i) by[i][j] = column[i], size[j] += column[i] * column[i];
+      for (int i : range(6)) by[i][j] = column[i], size[j] += column[i] * column[i];
     }
     const Factors factors(6, n, by.data(), size);
     if (!factors.regular()) return;
     const Unknowns motion = factors.solve(off.data());
     Real moved = 0;
-    for (int j = 0; j < n; ++j) {
+    for (int j : range(n)) {
       pose.D[j] += motion[j];
-      moved = std::max(moved, std::fabs(motion[j]));
+      moved = max(moved, fabs(motion[j]));
     }
     if (!(moved > by_precision(1e-13, 1e-6))) return;
   }
@@ -35,7 +35,7 @@ Coordinates coordinates_of(const Robot& robot, const Pose& seen, const Coordinat
     own = to_pose(robot.mobility, all_finite(near, n) ? near : robot.home);
     angles_of(robot, seen, own);
   } else {
-    own.theta = theta_of(seen.R, std::isfinite(near[n - 1]) ? near[n - 1] : 0);
+    own.theta = theta_of(seen.R, isfinite(near[n - 1]) ? near[n - 1] : 0);
   }
   return to_coordinates(robot.mobility, own);
 }

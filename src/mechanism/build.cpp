@@ -9,7 +9,7 @@ struct Builder {
 
   int add(const engine::Body& body) {
     m.body[m.bodies] = body;
-    m.freedoms = std::max(m.freedoms, body.freedom + body.count);
+    m.freedoms = max(m.freedoms, body.freedom + body.count);
     return m.bodies++;
   }
   int hinge(int parent, const Vec3& origin, const Vec3& axis) {
@@ -23,7 +23,7 @@ void carry_platform(const Robot& robot, Builder builder, Built& built) {
   int& platform = built.platform = -1;
   built.yaw = -1;
   if (is_rotational(mobility) && built.layout != Layout::free) {
-    for (int j = 0; j < passive_axes(mobility); ++j)
+    for (int j : range(passive_axes(mobility)))
       platform = builder.hinge(platform, robot.axis[j].origin, robot.axis[j].direction);
     return;
   }
@@ -50,7 +50,7 @@ int carrier(const Robot& robot, int i, Builder builder, const Built& built) {
         {engine::Kind::hinge, built.platform, built.yaw, 1, chain.pivot, Vec3::UnitZ(), -1});
   }
   if (chain.bar < 0) return built.platform;
-  for (int k = 0; k < i; ++k)
+  for (int k : range(i))
     if (robot.chain[k].bar == chain.bar && (robot.chain[k].pivot - chain.pivot).squaredNorm() == 0)
       return built.bar[k];
   const int freedom = built.turn_of(robot, chain.bar);
@@ -78,7 +78,7 @@ void build(const Robot& robot, Layout layout, Built& built) {
   m.coordinates = layout == Layout::free ? 6 : n;
   m.elastic = layout == Layout::full && robot.full.kind == FullKind::elastic;
   m.sign = layout == Layout::full ? robot.full.sign : robot.assembly_sign;
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Chain& chain = robot.chain[i];
     const engine::Kind kind =
         chain.actuator == Actuator::revolute ? engine::Kind::hinge : engine::Kind::slide;
@@ -87,7 +87,7 @@ void build(const Robot& robot, Layout layout, Built& built) {
   }
   carry_platform(robot, builder, built);
   built.turn = m.freedoms;
-  for (int i = 0; i < motors; ++i) {
+  for (int i : range(motors)) {
     const Chain& chain = robot.chain[i];
     const bool leg = chain.actuator == Actuator::telescopic;
     const int bar = built.bar[i] = carrier(robot, i, builder, built);
@@ -95,7 +95,7 @@ void build(const Robot& robot, Layout layout, Built& built) {
     const Vec3 B = leg                                    ? chain.base
                    : chain.actuator == Actuator::revolute ? chain.arm * chain.zero
                                                           : Vec3::Zero();
-    for (int rod = 0; rod < built.rods_per_chain; ++rod) {
+    for (int rod : range(built.rods_per_chain)) {
       const Real half = built.rods_per_chain == 1 ? 0 : rod == 0 ? 0.5 : -0.5;
       engine::Closure& closure = m.closure[m.closures++];
       closure.body_a = bar;
@@ -114,15 +114,15 @@ engine::Row stand(const Robot& robot, const Built& built, const Joint& q, const 
   const engine::Mechanism& m = built.mechanism;
   engine::Row y{};
   if (is_mechanism(robot.mobility)) y = m.home;
-  for (int i = 0; i < m.motors; ++i) y[i] = motor_position(robot.chain[i], q[i]);
+  for (int i : range(m.motors)) y[i] = motor_position(robot.chain[i], q[i]);
   Real* x = y.data() + m.motors;
   if (built.layout == Layout::free) {
     const Vec3 w = log_so3(pose.R);
-    std::copy_n(pose.D.data(), 3, x);
-    std::copy_n(w.data(), 3, x + 3);
+    copy_first(3, pose.D, x);
+    copy_first(3, w, x + 3);
   } else {
     const Coordinates coordinates = to_coordinates(robot.mobility, pose);
-    std::copy_n(coordinates.begin(), m.coordinates, x);
+    copy_first(m.coordinates, coordinates, x);
   }
   std::fill(y.begin() + built.turn, y.begin() + m.freedoms, -pose.theta);
   return y;

@@ -1,9 +1,6 @@
 // Loop closure of one chain: from the motor to B, and from the platform to the motor.
 #pragma once
 
-#include <algorithm>
-#include <numbers>
-
 #include "mechanism/pose.hpp"
 #include "truepose/status.hpp"
 
@@ -45,8 +42,7 @@ inline Real motor_reading(const Chain& chain, Real position) {
 
 /// std::remainder by a whole turn, with a fast path within half a turn, the usual case.
 inline Real without_turns(Real difference, Real turn) {
-  return 2 * std::fabs(difference) < std::fabs(turn) ? difference
-                                                     : std::remainder(difference, turn);
+  return 2 * fabs(difference) < fabs(turn) ? difference : remainder(difference, turn);
 }
 
 /// Difference of a motor's readings without a revolute joint's whole turns, which are arbitrary.

@@ -7,26 +7,26 @@ namespace {
 /// Moves the unknown freedoms by -step; a ball by a small turn.
 void move(const Mechanism& mechanism, const Position& from, const Freedoms& unknown,
           const Unknowns& step, Position& to) {
-  std::copy_n(from.y.begin(), mechanism.freedoms, to.y.begin());
-  for (int j = 0; j < unknown.count; ++j) to.y[unknown.index[j]] -= step[j];
-  for (int b = 0; b < mechanism.bodies; ++b) {
+  copy_first(mechanism.freedoms, from.y, to.y);
+  for (int j : range(unknown.count)) to.y[unknown.index[j]] -= step[j];
+  for (int b : range(mechanism.bodies)) {
     if (mechanism.body[b].kind != Kind::ball) continue;
     const int first = mechanism.body[b].freedom;
     const Vec3 w(from.y[first], from.y[first + 1], from.y[first + 2]);
     const Vec3 turn = Vec3(to.y[first], to.y[first + 1], to.y[first + 2]) - w;
     if (turn.squaredNorm() == 0) continue;
     const Vec3 turned = log_so3(exp_so3(turn) * exp_so3(w));
-    std::copy_n(turned.data(), 3, to.y.begin() + first);
+    copy_first(3, turned, to.y.begin() + first);
   }
 }
 
 /// Bodies that the unknown freedoms move, as bits.
 unsigned moved_by(const Mechanism& mechanism, const Freedoms& unknown) {
   unsigned moving = 0;
-  for (int b = 0; b < mechanism.bodies; ++b) {
+  for (int b : range(mechanism.bodies)) {
     const Body& body = mechanism.body[b];
     bool moves = body.parent >= 0 && (moving >> body.parent & 1);
-    for (int j = 0; j < unknown.count; ++j)
+    for (int j : range(unknown.count))
       moves = moves ||
               (unknown.index[j] >= body.freedom && unknown.index[j] < body.freedom + body.count);
     moving |= unsigned(moves) << b;
@@ -36,7 +36,7 @@ unsigned moved_by(const Mechanism& mechanism, const Freedoms& unknown) {
 
 /// The first closure in another working mode, or -1.
 int other_working_mode(const Mechanism& mechanism, const Position& at) {
-  for (int i = 0; i < mechanism.closures; ++i)
+  for (int i : range(mechanism.closures))
     if (const int mode = mechanism.closure[i].mode; mode != 0 && mode_of(mechanism, at, i) == -mode)
       return i;
   return -1;
@@ -64,14 +64,14 @@ Freedoms inverse(const Mechanism& mechanism) {
 ClosureRows::ClosureRows(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
                          bool stressed) {
   Row sizes{};
-  for (int i = 0; i < mechanism.closures; ++i) {
+  for (int i : range(mechanism.closures)) {
     by[i] = row(mechanism, at, i, sizes);
-    for (int j = 0; j < unknown.count; ++j) A[i][j] = by[i][unknown.index[j]];
+    for (int j : range(unknown.count)) A[i][j] = by[i][unknown.index[j]];
     if (!stressed) continue;
     A[i][unknown.count] = -at.stress[i];  // f - λ stress
     size[unknown.count] += at.stress[i] * at.stress[i];
   }
-  for (int j = 0; j < unknown.count; ++j) size[j] = sizes[unknown.index[j]];
+  for (int j : range(unknown.count)) size[j] = sizes[unknown.index[j]];
 }
 
 FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknown, int most,
@@ -79,22 +79,22 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
   place(mechanism, at);
   FkmResult result;
   Real scale = 0;  // the longest rod; of planes how far out their points are
-  for (int i = 0; i < mechanism.closures; ++i) {
+  for (int i : range(mechanism.closures)) {
     if (mechanism.closure[i].plane) {
-      scale = std::max({scale, at.A[i].norm(), at.B[i].norm()});
+      scale = max({scale, at.A[i].norm(), at.B[i].norm()});
       continue;
     }
     const Real length = length_of(mechanism, at, i);
     if (!(length > 0)) return {{Status::unreachable, i}};
-    scale = std::max(scale, length);
+    scale = max(scale, length);
   }
-  if (!std::isfinite(at.cost)) return {{Status::not_finite, -1}};
+  if (!isfinite(at.cost)) return {{Status::not_finite}};
 
   NewtonEnd end;
   if (!(near && at.residual <= kRounding * scale)) {
     const unsigned moving = moved_by(mechanism, unknown);
     Position other;
-    for (int b = 0; b < mechanism.bodies; ++b) other.frame[b] = at.frame[b];
+    for (int b : range(mechanism.bodies)) other.frame[b] = at.frame[b];
     Position *current = &at, *trial = &other;
     end = damped_newton(
         current, trial, scale, most,
@@ -121,15 +121,15 @@ FkmResult close(const Mechanism& mechanism, Position& at, const Freedoms& unknow
 
 Outcome follow(const Mechanism& mechanism, const Position& at, const Freedoms& unknown,
                const Freedoms& held, Matrix<kMaxUnknowns, kMaxUnknowns>& rates) {
-  for (int i = 0; i < mechanism.closures; ++i)
+  for (int i : range(mechanism.closures))
     if (stretched(mechanism, at, i)) return {Status::singular, i};
   const Equations equations(mechanism, at, unknown);
-  if (!equations.regular()) return {Status::singular, -1};
+  if (!equations.regular()) return {Status::singular};
   std::array<Real, kClosures> f;
-  for (int j = 0; j < held.count; ++j) {
-    for (int i = 0; i < mechanism.closures; ++i) f[i] = -equations.by[i][held.index[j]];
+  for (int j : range(held.count)) {
+    for (int i : range(mechanism.closures)) f[i] = -equations.by[i][held.index[j]];
     const Unknowns column = equations.solve(f.data());
-    for (int i = 0; i < unknown.count; ++i) rates[i][j] = column[i];
+    for (int i : range(unknown.count)) rates[i][j] = column[i];
   }
   return {};
 }

@@ -25,7 +25,7 @@ class Conditioning {
   Real serial(int i) const { return serial_[i]; }
   /// The smallest conditioning of both types.
   Real least() const {
-    return std::min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + motors_));
+    return min(parallel_, *std::min_element(serial_.begin(), serial_.begin() + motors_));
   }
   /// The status that jacobian() would return.
   Outcome outcome() const;

@@ -14,7 +14,7 @@ Real decode(const Eccentricity& encoder, Real value) {
     const Encoded read = encode(encoder, angle);
     const Real step = (value - read.value) / read.slope;
     angle += step;
-    if (!(std::fabs(step) > by_precision(1e-12, 1e-6)))
+    if (!(fabs(step) > by_precision(1e-12, 1e-6)))
       break;  // quadratic: the next one is below rounding
   }
   return angle;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 
 #include "math/real.hpp"
 
@@ -21,7 +20,7 @@ struct Eccentricity {
 /// cos φ, sin φ, cos 2φ, sin 2φ: e's derivatives with respect to its amplitudes.
 inline std::array<Real, 4> harmonics(const Eccentricity& encoder, Real angle) {
   const Real phi = encoder.gear * angle;
-  return {std::cos(phi), std::sin(phi), std::cos(2 * phi), std::sin(2 * phi)};
+  return {cos(phi), sin(phi), cos(2 * phi), sin(2 * phi)};
 }
 
 /// Reading of an angle, and the derivative 1 + e'(φ).

@@ -13,7 +13,7 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
   while (end.iterations < most && end.regular && moves > kNothingToGain) {
     ++end.iterations;
     Joint gap;
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       at.chain[i].jq = jq_entry(robot.chain[i], at.chain[i].v, driven[i]);
       gap[i] = at.f[i] / at.chain[i].jq;
     }
@@ -24,9 +24,9 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
     if (!end.regular) return false;
     const Unknowns step = equations.solve(gap.data());
     Coordinates motion{};
-    std::copy_n(step.begin(), n, motion.begin());
+    copy_first(n, step, motion);
     moves = 0;
-    for (int j = 0; j < n; ++j) moves = std::max(moves, std::fabs(motion[j]));
+    for (int j : range(n)) moves = max(moves, fabs(motion[j]));
     at.place(robot, driven, moved(robot.mobility, at.pose, motion));
   }
   return moves < kChord;
@@ -34,21 +34,21 @@ bool settle(const Robot& robot, const std::array<Driven, kMaxMotors>& driven, in
 }  // namespace
 
 FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
-  if (is_mechanism(robot.mobility)) return {{Status::no_chains, -1}};
+  if (!robot.finished) return {{Status::unfinished}};
+  if (is_mechanism(robot.mobility)) return {{Status::no_chains}};
   const int n = dof(robot.mobility), m = robot.motors;
   FkmResult result;
   std::array<Driven, kMaxMotors> driven;
   Real scale = 0;  // the longest rod
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     driven[i] = driven_point(robot.chain[i], q[i]);
-    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
+    if (!isfinite(q[i])) return {{Status::not_finite, i}};
     if (!(driven[i].rod > 0)) return {{Status::unreachable, i}};  // a telescopic leg
-    scale = std::max(scale, driven[i].rod);
+    scale = max(scale, driven[i].rod);
   }
   Loops iterates[2], *current = &iterates[0], *trial = &iterates[1];
   current->place(robot, driven, pose);
-  if (!std::isfinite(current->cost)) return {{Status::not_finite, -1}};
+  if (!isfinite(current->cost)) return {{Status::not_finite}};
   Square jx;
   NewtonEnd end = damped_newton(
       current, trial, scale, most,
@@ -59,7 +59,7 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
       [&](const Loops& at, const Factors& factors, Loops& after) {
         const Unknowns step = factors.solve(at.f.data());
         Coordinates motion;
-        std::copy_n(step.begin(), n, motion.begin());
+        copy_first(n, step, motion);
         after.place(robot, driven, moved(robot.mobility, at.pose, motion));
       },
       m > n ? kSettled : 0);
@@ -70,7 +70,7 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
 
   if (turns_about_z(robot.mobility)) {
     Real& theta = current->pose.theta;
-    if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
+    if (fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
   }
   result.residual = current->residual;
   if (!(settled && current->residual < closed)) {
@@ -79,7 +79,7 @@ FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most) {
   } else if (!end.regular) {
     result.status = Status::singular;
   } else {
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
           jq_entry(chain, current->chain[i].v, driven[i]) * driven[i].rate * chain.working_mode <
@@ -107,8 +107,8 @@ bool no_pose(const Robot& robot, const Joint& q) {
     const Vec3 side = to_pose(robot.mobility, robot.home).D;
     return fkm_closed(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
-  for (int i = 0; i < robot.motors; ++i)
-    for (int j = 0; j < i; ++j) {
+  for (int i : range(robot.motors))
+    for (int j : range(i)) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
       const Driven from = driven_point(one, q[i]), to = driven_point(other, q[j]);
       const Vec3 pivots = one.pivot - other.pivot;
@@ -143,7 +143,7 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
     first.status = Status::unreachable;
     return first;
   }
-  const int most = std::min(kFkmIterations, cap - first.iterations);
+  const int most = min(kFkmIterations, cap - first.iterations);
   Closure home;
   FkmResult second{{Status::not_converged}};
   if (most >= 2 * kFkmStages)  // a stage needs at least two steps
@@ -152,7 +152,7 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
   if (second)
     second = in_stages(most, [&](Real rest, int left) {
       Joint motors{};
-      for (int i = 0; i < robot.motors; ++i)
+      for (int i : range(robot.motors))
         motors[i] = q[i] - rest * within_turn(robot.chain[i], q[i] - home.chain[i].q);
       return search(robot, motors, at, left);
     });
@@ -167,7 +167,7 @@ FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first, 
 
 FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap) {
   const Pose guess = pose;
-  const FkmResult first = search(robot, q, pose, std::min(kFkmIterations, cap));
+  const FkmResult first = search(robot, q, pose, min(kFkmIterations, cap));
   if (first) return first;
   return search_from_home(robot, q, first, guess, pose, cap);
 }

@@ -4,12 +4,12 @@
 namespace truepose {
 Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3& near_side,
                    Vec3& D) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int m = robot.motors;
   std::array<Vec3, kMaxMotors> t;
   Joint g;
   Vec3 mean = Vec3::Zero();
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     t[i] = robot.chain[i].base + driven.p - R * robot.chain[i].pivot - robot.chain[i].anchor;
     g[i] = driven.rod * driven.rod;
@@ -17,7 +17,7 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   }
   mean *= 1.0 / m;
   Real square = 0;  // |y|²
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     t[i] -= mean;
     g[i] = t[i].squaredNorm() - g[i];
     square -= g[i];
@@ -25,7 +25,7 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   square *= 1.0 / m;
   Mat3 T = Mat3::Zero();
   Vec3 h = Vec3::Zero();
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) {
     T += outer(t[i], t[i]);
     h += (0.5 * (g[i] + square)) * t[i];
   }
@@ -35,11 +35,11 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   const auto shorter = [](const Vec3& a, const Vec3& b) {
     return a.squaredNorm() < b.squaredNorm();
   };
-  const Vec3 longest = std::max(
-      {T.col(1).cross(T.col(2)), T.col(2).cross(T.col(0)), T.col(0).cross(T.col(1))}, shorter);
+  const Vec3 longest =
+      max({T.col(1).cross(T.col(2)), T.col(2).cross(T.col(0)), T.col(0).cross(T.col(1))}, shorter);
   const Real length = longest.norm(), size = T.trace();
-  if (!std::isfinite(length)) return {Status::not_finite, -1};
-  if (!(length > by_precision(1e-10, 1e-5) * size * size)) return {Status::singular, -1};
+  if (!isfinite(length)) return {Status::not_finite};
+  if (!(length > by_precision(1e-10, 1e-5) * size * size)) return {Status::singular};
   const Vec3 weakest = longest / length;
 
   // y = particular + λ direction: e_k·T y = e_k·h across the weakest direction, λ along it.
@@ -50,9 +50,9 @@ Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3
   const Vec3 particular = per_det * (e1.dot(h) * T2.cross(weakest) + e2.dot(h) * weakest.cross(T1));
   const Real A = direction.squaredNorm(), B = particular.dot(direction);
   const Real root2 = B * B - A * (particular.squaredNorm() - square);
-  if (!(root2 >= 0)) return {Status::unreachable, -1};
+  if (!(root2 >= 0)) return {Status::unreachable};
   const Real side = weakest.dot(near_side - mean) < 0 ? -1 : 1;
-  D = mean + particular + direction * ((side * std::sqrt(root2) - B) / A);
+  D = mean + particular + direction * ((side * sqrt(root2) - B) / A);
   return {};
 }
 }  // namespace truepose

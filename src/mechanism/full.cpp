@@ -13,8 +13,8 @@ FkmResult close_from_home(const engine::Mechanism& m, const engine::Freedoms& un
   at.y = m.home;
   return in_stages(most, [&](Real rest, int left) {
     engine::Row y = end;
-    for (int j = 0; j < m.freedoms; ++j) y[j] -= rest * (end[j] - m.home[j]);
-    for (int k = 0; k < unknown.count; ++k) y[unknown.index[k]] = at.y[unknown.index[k]];
+    for (int j : range(m.freedoms)) y[j] -= rest * (end[j] - m.home[j]);
+    for (int k : range(unknown.count)) y[unknown.index[k]] = at.y[unknown.index[k]];
     at.y = y;
     return engine::close(m, at, unknown, left);
   });
@@ -28,9 +28,9 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
   engine::Position& at = closure.at;
   const engine::Row start = at.y;
   FkmResult result =
-      engine::close(built.mechanism, at, unknown, std::min(kFkmIterations, cap), start_closed);
+      engine::close(built.mechanism, at, unknown, min(kFkmIterations, cap), start_closed);
   const bool described = is_mechanism(robot.mobility);
-  const int left = std::min(kFkmIterations, cap - result.iterations);
+  const int left = min(kFkmIterations, cap - result.iterations);
   if (described && !result && result.status != Status::not_finite && left > 0) {
     engine::Position again = at;
     again.y = start;
@@ -44,8 +44,8 @@ FkmResult close_rods(const Robot& robot, const FullPose& near, const engine::Fre
   if (described) closure.pose.D = near.D;  // which holds x
   for (int j = 0; j < dof(robot.mobility) && described; ++j)
     closure.pose.D[j] = at.y[built.mechanism.motors + j];
-  for (int k = 0; k < robot.full.bars; ++k) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
-  for (int i = 0; i < robot.motors; ++i) closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
+  for (int k : range(robot.full.bars)) closure.pose.psi[k] = at.y[built.turn_of(robot, k)];
+  for (int i : range(robot.motors)) closure.motors[i] = motor_reading(robot.chain[i], at.y[i]);
   return result;
 }
 
@@ -63,7 +63,7 @@ Outcome at_home(const Robot& robot, Layout layout, FullClosure& home) {
 
 void FullClosure::note(const engine::Row& ideal, Parasitic& rest) const {
   rest.known = true;
-  for (int j = 0; j < built.mechanism.freedoms; ++j) rest.y[j] = at.y[j] - ideal[j];
+  for (int j : range(built.mechanism.freedoms)) rest.y[j] = at.y[j] - ideal[j];
 }
 
 FullPose to_full(const Pose& pose) {
@@ -97,12 +97,12 @@ Outcome note_home(Robot& robot) {
 }
 
 Outcome finish_full(Robot& robot) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int n = dof(robot.mobility), motors = robot.motors;
   FullLevel& level = robot.full = {};
   bool described = true;
-  for (int i = 0; i < motors; ++i) {
-    level.bars = std::max(level.bars, robot.chain[i].bar + 1);
+  for (int i : range(motors)) {
+    level.bars = max(level.bars, robot.chain[i].bar + 1);
     described = described && robot.chain[i].rod_spacing > 0;
   }
   if (!paired(robot.mobility)) {
@@ -114,7 +114,7 @@ Outcome finish_full(Robot& robot) {
   if (!described || level.bars > kMaxBars) return {};
   const bool together = robot.bar_joint == BarJoint::four_bar;
   level.rods = 2 * motors;
-  level.unknowns = 6 + (together ? std::min(1, level.bars) : level.bars);
+  level.unknowns = 6 + (together ? min(1, level.bars) : level.bars);
   level.excess = level.rods - level.unknowns;
   level.kind = FullKind::loose;
   if (level.excess < 0) {
@@ -140,13 +140,13 @@ Outcome finish_full(Robot& robot) {
 
 FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& closure, int cap,
               const Parasitic& rest) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
-  for (int i = 0; i < robot.motors; ++i)
-    if (!std::isfinite(q[i])) return {{Status::not_finite, i}};
+  if (!robot.finished) return {{Status::unfinished}};
+  for (int i : range(robot.motors))
+    if (!isfinite(q[i])) return {{Status::not_finite, i}};
   build(robot, Layout::full, closure.built);
   const engine::Mechanism& m = closure.built.mechanism;
   closure.at.y = stand(robot, closure.built, q, pose);
-  for (int j = m.motors + m.coordinates; j < m.freedoms; ++j) closure.at.y[j] += rest.y[j];
+  for (int j : range(m.motors + m.coordinates, m.freedoms)) closure.at.y[j] += rest.y[j];
   FkmResult result = close_rods(robot, pose, engine::forward(m), cap, false, closure);
   pose = closure.pose;
   if (result && other_mode(m.sign, engine::mode_of(m, closure.at)))
@@ -157,13 +157,13 @@ FkmResult fkm(const Robot& robot, const Joint& q, FullPose& pose, FullClosure& c
 namespace {
 /// Where the search for the motors at a pose starts: at the ideal level's, or at home's.
 Outcome start_at(const Robot& robot, const Pose& pose, Built& built, engine::Row& start) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   build(robot, Layout::full, built);
   Joint q{};
   Closure ideal;
   const bool described = is_mechanism(robot.mobility);
   const Outcome outcome = described ? Outcome{} : ikm(robot, pose, ideal);
-  for (int i = 0; i < robot.motors; ++i)
+  for (int i : range(robot.motors))
     q[i] = described ? motor_reading(robot.chain[i], robot.mechanism.home[i]) : ideal.chain[i].q;
   if (outcome) start = stand(robot, built, q, pose);
   return outcome;
@@ -175,7 +175,7 @@ FkmResult ikm(const Robot& robot, const Pose& pose, FullClosure& closure, Parasi
   const Outcome outcome = start_at(robot, pose, closure.built, start);
   if (!outcome) return {outcome};
   const engine::Freedoms unknown = engine::inverse(closure.built.mechanism);
-  FkmResult result{{Status::not_converged, -1}};
+  FkmResult result{{Status::not_converged}};
   Parasitic alone;
   if (!rest) rest = &alone;
   for (bool near = rest->known; rest->most(near) > 0; near = false) {
@@ -203,39 +203,39 @@ Outcome jacobian(const Robot& robot, const FullClosure& closure, JointMatrix& J)
   for (int j = 0; j < m.motors && outcome; ++j) {
     const Real slope = encode(robot.chain[j], closure.at.y[j]).slope;
     if (slope == 0) return {Status::singular, j};  // its encoder does not see the motor
-    for (int i = 0; i < n; ++i) {
+    for (int i : range(n)) {
       K[j][i] = rates[j][i] * slope;
       size[i] += K[j][i] * K[j][i];
     }
   }
-  if (outcome && !invert(m.motors, n, K, size, inverse)) return {Status::singular, -1};
+  if (outcome && !invert(m.motors, n, K, size, inverse)) return {Status::singular};
   Real sum = 0;  // becomes NaN if any value is
   for (int j = 0; j < m.motors && outcome; ++j)
-    for (int i = 0; i < n; ++i) sum += J[i][j] = inverse[i][j];
-  if (outcome && !std::isfinite(sum)) outcome.status = Status::not_finite;
+    for (int i : range(n)) sum += J[i][j] = inverse[i][j];
+  if (outcome && !isfinite(sum)) outcome.status = Status::not_finite;
   return outcome;
 }
 
 Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                       const Joint& arm, Extended& q_e) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   const int m = robot.motors;
   FullClosure there;
   build(robot, Layout::free, there.built);
   Joint q{};
-  for (int i = 0; i < m; ++i) q[i] = motor_reading(robot.chain[i], arm[i]);
+  for (int i : range(m)) q[i] = motor_reading(robot.chain[i], arm[i]);
   there.at.y = stand(robot, there.built, q, pose);
-  for (int j = there.built.turn; j < there.built.mechanism.freedoms; ++j)
+  for (int j : range(there.built.turn, there.built.mechanism.freedoms))
     there.at.y[j] = pose.psi[j - there.built.turn];
   engine::place(there.built.mechanism, there.at);
   Outcome outcome = read(robot, there.built, there.at, theta_of(pose.R, pose.theta), q_e);
-  for (int i = 0; i < m; ++i) q_e[i] = motor_reading(robot.chain[i], motor[i]);
+  for (int i : range(m)) q_e[i] = motor_reading(robot.chain[i], motor[i]);
   if (!is_rotational(robot.mobility)) return outcome;
   Pose angles = to_pose(robot.mobility, robot.home);
   angles_of(robot, {pose.D, pose.R, 0}, angles);
-  for (int k = 0; k < robot.r; ++k)
+  for (int k : range(robot.r))
     if (const Sensor& sensor = robot.sensor[k]; sensor.kind == SensorKind::axis_angle)
       q_e[m + k] = sensor.gain * sense_axis(sensor, angles).value - sensor.offset;
-  return {all_finite(q_e, m + robot.r) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(q_e, m + robot.r) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

@@ -45,8 +45,7 @@ struct Parasitic {
 
   /// Newton steps of a closing. @param near  it starts at a solution nearby
   int most(bool near) const {
-    return left == kUncounted ? kFkmCap
-                              : std::min(left - kClosing, near ? kNearClosing : kFarClosing);
+    return left == kUncounted ? kFkmCap : min(left - kClosing, near ? kNearClosing : kFarClosing);
   }
   void take(int steps) { left -= left == kUncounted ? 0 : kClosing + steps; }
 };

@@ -10,7 +10,7 @@ struct Exchange {
 
   template <class Parameter>
   void operator()(Parameter first, Real* members, int count) const {
-    Real* column = xi + static_cast<int>(first);
+    Real* column = xi + int(first);
     to_xi ? std::copy_n(members, count, column) : std::copy_n(column, count, members);
   }
   template <class Parameter>
@@ -71,12 +71,11 @@ void exchange(const Exchange& with, engine::Closure& closure) {
 
 /// All parts, each from its first column on.
 void exchange(Robot& robot, Real* xi, bool to_xi) {
-  for (int i = 0; i < robot.chains; ++i) exchange({xi + chain_column(i), to_xi}, robot.chain[i]);
-  for (int k = 0; k < robot.r; ++k)
-    exchange({xi + sensor_column(robot, k), to_xi}, robot.sensor[k]);
+  for (int i : range(robot.chains)) exchange({xi + chain_column(i), to_xi}, robot.chain[i]);
+  for (int k : range(robot.r)) exchange({xi + sensor_column(robot, k), to_xi}, robot.sensor[k]);
   engine::Mechanism& m = robot.mechanism;
   const bool described = is_mechanism(robot.mobility);
-  for (int j = 0; j < joints_of(robot); ++j) {
+  for (int j : range(joints_of(robot))) {
     const Exchange with{xi + axis_column(robot, j), to_xi};
     described ? exchange(with, m.body[j]) : exchange(with, robot.axis[j]);
   }
@@ -86,24 +85,22 @@ void exchange(Robot& robot, Real* xi, bool to_xi) {
 }  // namespace
 
 Outcome drawn_parameters(const Robot& drawn, Real* xi) {
-  if (!drawn.finished) return {Status::unfinished, -1};
+  if (!drawn.finished) return {Status::unfinished};
   std::fill_n(xi, parameter_count(drawn), 0.0);
   exchange(const_cast<Robot&>(drawn), xi, true);  // which it only reads
-  for (int i = 0; i < drawn.chains; ++i)
+  for (int i : range(drawn.chains))
     if (const int bar = drawn.chain[i].bar; bar >= 0)
       xi[bar_column(drawn, bar)] = drawn.chain[i].pivot.norm();
   return {};
 }
 
 Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) {
-  if (!drawn.finished || !robot.finished) return {Status::unfinished, -1};
+  if (!drawn.finished || !robot.finished) return {Status::unfinished};
   exchange(robot, const_cast<Real*>(xi), false);
-  for (int i = 0; i < drawn.chains; ++i) {
+  for (int i : range(drawn.chains)) {
     const Chain& from = drawn.chain[i];
     Chain& chain = robot.chain[i];
-    const auto turn_of = [&](ChainParameter p) {
-      return xi[chain_column(i) + static_cast<int>(p)];
-    };
+    const auto turn_of = [&](ChainParameter p) { return xi[chain_column(i) + int(p)]; };
     // Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
     const Mat3 yaw = rotation_z(turn_of(ChainParameter::yaw));
     chain.zero = yaw * from.zero;
@@ -112,14 +109,14 @@ Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) {
     chain.pair_axis = turn * from.pair_drawn;
     if (chain.bar >= 0) chain.pivot = xi[bar_column(drawn, chain.bar)] * from.pivot.normalized();
   }
-  for (int k = 0; k < drawn.bodies; ++k)
+  for (int k : range(drawn.bodies))
     if (const int bar = drawn.body[k].bar; bar >= 0 && !is_mechanism(drawn.mobility))
       robot.body[k].pivot = xi[bar_column(drawn, bar)] * drawn.body[k].pivot.normalized();
   const auto unit = [](Vec3& direction) { direction = direction.normalized(); };
-  for (int k = 0; k < drawn.r; ++k) unit(robot.sensor[k].direction), unit(robot.sensor[k].normal);
-  for (int j = 0; j < passive_axes(drawn.mobility); ++j) unit(robot.axis[j].direction);
-  for (int b = 0; b < robot.mechanism.bodies; ++b) unit(robot.mechanism.body[b].axis);
-  for (int i = 0; i < robot.mechanism.closures; ++i) unit(robot.mechanism.closure[i].normal);
+  for (int k : range(drawn.r)) unit(robot.sensor[k].direction), unit(robot.sensor[k].normal);
+  for (int j : range(passive_axes(drawn.mobility))) unit(robot.axis[j].direction);
+  for (int b : range(robot.mechanism.bodies)) unit(robot.mechanism.body[b].axis);
+  for (int i : range(robot.mechanism.closures)) unit(robot.mechanism.closure[i].normal);
   note_encoders(robot);
   return {};
 }

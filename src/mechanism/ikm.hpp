@@ -15,7 +15,7 @@ struct Closure {
   const Pose& placed() const { return carried.pose; }
   Joint q() const {
     Joint values{};
-    for (int i = 0; i < motors; ++i) values[i] = chain[i].q;
+    for (int i : range(motors)) values[i] = chain[i].q;
     return values;
   }
 };
@@ -24,14 +24,14 @@ struct Closure {
 /// @param angle  false: q is left out, which needs no trigonometry
 /// @return unreachable and the first chain that cannot close, or not_finite.
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool angle = true) {
-  if (!robot.finished) return {Status::unfinished, -1};
-  if (is_mechanism(robot.mobility)) return {Status::no_chains, -1};
+  if (!robot.finished) return {Status::unfinished};
+  if (is_mechanism(robot.mobility)) return {Status::no_chains};
   closure.pose = pose;
   closure.motors = robot.motors;
   carry(robot, pose, closure.carried);
   const Pose& at = closure.placed();
   Real sum = 0;  // not finite after a NaN or an overflow
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     const Chain& chain = robot.chain[i];
     ChainState& state = closure.chain[i];
     state.lever = at.R * chain.pivot;
@@ -41,6 +41,6 @@ inline Outcome ikm(const Robot& robot, const Pose& pose, Closure& closure, bool 
     }
     if (angle) sum += state.q;
   }
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

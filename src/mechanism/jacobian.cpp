@@ -10,7 +10,7 @@ Unknowns jx_rows(const Closure& closure, const Joint& scale, Square& rows) {
   const bool rotational = is_rotational(carried.mobility);
   Real velocity = 0, turn = 0;
   Unknowns size{};
-  for (int i = 0; i < closure.motors; ++i) {
+  for (int i : range(closure.motors)) {
     const Vec3 v = scale[i] * closure.chain[i].v, &lever = closure.chain[i].lever;
     jx_row(carried, v, lever, rows[i].data());
     const Real v2 = v.squaredNorm();
@@ -32,7 +32,7 @@ Unknowns jx_rows(const Closure& closure, Square& rows) {
 
 Unknowns inverse_rows(const Closure& closure, Square& K) {
   Joint scale;
-  for (int i = 0; i < closure.motors; ++i) scale[i] = 1 / closure.chain[i].jq;
+  for (int i : range(closure.motors)) scale[i] = 1 / closure.chain[i].jq;
   return jx_rows(closure, scale, K);
 }
 
@@ -43,30 +43,30 @@ namespace {
   Square K;
   const Unknowns sizes = inverse_rows(closure, K);
   const bool inverse = bool(invert(jacobians.motors, jacobians.n, K, sizes, jacobians.J));
-  return {inverse ? Status::ok : Status::singular, -1};
+  return {inverse ? Status::ok : Status::singular};
 }
 }  // namespace
 
 Outcome jacobian(const Closure& closure, Jacobians& jacobians) {
   const int n = jacobians.n = closure.carried.n, m = jacobians.motors = closure.motors;
   const Unknowns size = jx_rows(closure, jacobians.jx);
-  for (int i = 0; i < m; ++i) jacobians.jq[i] = closure.chain[i].jq;
-  for (int i = 0; i < m; ++i) {
+  for (int i : range(m)) jacobians.jq[i] = closure.chain[i].jq;
+  for (int i : range(m)) {
     const ChainState& at = closure.chain[i];
     if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
   }
   if (m > n) return invert_rows(closure, jacobians);
   const Inverted inverse = invert(n, n, jacobians.jx, size, jacobians.J);
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) jacobians.J[i][j] *= jacobians.jq[j];
+  for (int i : range(n))
+    for (int j : range(n)) jacobians.J[i][j] *= jacobians.jq[j];
   jacobians.sign = inverse.sign;
-  return {inverse ? Status::ok : Status::singular, -1};
+  return {inverse ? Status::ok : Status::singular};
 }
 
 Coordinates pose_rate(const Jacobians& at, const Joint& rate) {
   Coordinates result{};
-  for (int i = 0; i < at.n; ++i)
+  for (int i : range(at.n))
     result[i] = sum_of(at.motors, [&](int j) { return at.J[i][j] * rate[j]; });
   return result;
 }
@@ -76,17 +76,17 @@ Outcome jacobian(const Robot&, const Closure& closure, JointMatrix& J) {
   const Outcome outcome = jacobian(closure, jacobians);
   if (!outcome) return outcome;
   Real sum = 0;  // becomes NaN if any value is
-  for (int i = 0; i < jacobians.n; ++i)
-    for (int j = 0; j < jacobians.motors; ++j) sum += J[i][j] = jacobians.J[i][j];
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  for (int i : range(jacobians.n))
+    for (int j : range(jacobians.motors)) sum += J[i][j] = jacobians.J[i][j];
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 
 Outcome note_assembly(Robot& robot) {
   if (is_mechanism(robot.mobility)) return note_home(robot);
   Closure closure;
-  Outcome outcome = ikm(robot, to_pose(robot.mobility, robot.home), closure);
   Jacobians jacobians;
-  if (outcome) outcome = jacobian(closure, jacobians);
+  const Outcome outcome =
+      jacobian_at(robot, to_pose(robot.mobility, robot.home), closure, jacobians);
   if (outcome) robot.assembly_sign = jacobians.sign;
   return outcome ? within_limits(robot, closure.pose, closure.q()) : outcome;
 }
@@ -96,7 +96,7 @@ Outcome finish(Robot& robot) {
   const Outcome exist = parts_exist(robot);
   if (!exist) return exist;
   const int n = dof(robot.mobility);
-  if (robot.chains != robot.motors || robot.motors < n) return {Status::not_square, -1};
+  if (robot.chains != robot.motors || robot.motors < n) return {Status::not_square};
   // No parallelogram keeps a bar's orientation on a platform that turns about more than z.
   for (int i = 0; i < robot.motors && robot.mobility >= Mobility::spatial; ++i)
     if (robot.chain[i].bar >= 0 || robot.chain[i].anchor.squaredNorm() > 0)
@@ -107,10 +107,10 @@ Outcome finish(Robot& robot) {
   robot.limited = false;
   robot.assembly_sign = 0;
   const auto limits = [&](const auto& of) {
-    robot.limited = robot.limited || std::isfinite(of.low) || std::isfinite(of.high);
+    robot.limited = robot.limited || isfinite(of.low) || isfinite(of.high);
   };
-  for (int i = 0; i < robot.motors; ++i) limits(robot.chain[i]);
-  for (int j = 0; j < passive_axes(robot.mobility); ++j) limits(robot.axis[j]);
+  for (int i : range(robot.motors)) limits(robot.chain[i]);
+  for (int j : range(passive_axes(robot.mobility))) limits(robot.axis[j]);
   return note_assembly(robot);
 }
 }  // namespace truepose

@@ -32,7 +32,7 @@ struct Jacobians {
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without an inverse of J.
   Joint joint_rate(const Coordinates& rate) const {
     Joint result{};
-    for (int i = 0; i < motors; ++i)
+    for (int i : range(motors))
       result[i] = sum_of(n, [&](int j) { return jx[i][j] * rate[j]; }) / jq[i];
     return result;
   }
@@ -45,6 +45,13 @@ Unknowns inverse_rows(const Closure& closure, Square& K);
 /// @return singular where J_x loses rank (type 2: the motors do not hold the platform) or an entry
 /// of J_q vanishes (type 1: the arm of `chain` is stretched or folded), with J_x and J_q.
 Outcome jacobian(const Closure& closure, Jacobians& jacobians);
+
+/// The same at any pose. @param angle  as of ikm
+inline Outcome jacobian_at(const Robot& robot, const Pose& pose, Closure& closure,
+                           Jacobians& jacobians, bool angle = true) {
+  const Outcome outcome = ikm(robot, pose, closure, angle);
+  return outcome ? jacobian(closure, jacobians) : outcome;
+}
 
 /// Twist J v of the platform for rates v of the readings.
 Coordinates pose_rate(const Jacobians& at, const Joint& rate);

@@ -26,7 +26,7 @@ Outcome read(const Robot& robot, const FullClosure& at, Extended& q_e) {
                                           Parasitic& rest) {
   FullPose full = to_full(pose);
   FullClosure closure;
-  const int most = std::min(kFkmStart, rest.most(false));
+  const int most = min(kFkmStart, rest.most(false));
   if (most < 1) return Status::not_converged;
   const FkmResult result = fkm(robot, q, full, closure, most, rest);
   const Status status = result.status;
@@ -53,10 +53,9 @@ Outcome ikm(Level level, const Robot& robot, const Coordinates& x, Joint& q) {
 }
 
 FkmResult fkm(Level level, const Robot& robot, const Joint& q, Coordinates& x, int cap) {
-  if (!robot.finished) return {{Status::unfinished, -1}};
+  if (!robot.finished) return {{Status::unfinished}};
   if (by_engine(level, robot))
-    return engine_closes(robot) ? fkm_full(robot, q, x, cap)
-                                : FkmResult{{Status::no_full_level, -1}};
+    return engine_closes(robot) ? fkm_full(robot, q, x, cap) : FkmResult{{Status::no_full_level}};
   Pose pose = to_pose(robot.mobility, x);
   const FkmResult result = fkm(robot, q, pose, cap);
   x = to_coordinates(robot.mobility, pose);
@@ -98,9 +97,8 @@ Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
     if constexpr (requires { at.pose.psi; }) {
       const Vec3 tilt = log_so3(at.pose.R * pose.R.transpose());
       const int tilts = turns_about_z(robot.mobility) ? 2 : 3;
-      for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
-      for (int k = tilts; k < dof(robot.mobility); ++k)
-        rest[k] = pose.theta + at.pose.psi[k - tilts];
+      for (int k : range(tilts)) rest[k] = tilt[k];
+      for (int k : range(tilts, dof(robot.mobility))) rest[k] = pose.theta + at.pose.psi[k - tilts];
     }
     return Outcome{};
   });

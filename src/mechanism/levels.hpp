@@ -39,12 +39,12 @@ template <class F>
 template <class F>
 Outcome closed(Level level, const Robot& robot, const Pose& pose, F&& f, Parasitic* rest = nullptr,
                bool angle = true) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   if (by_engine(level, robot))
     return engine_closes(robot) ? levels_detail::closed_full(robot, pose, f, rest)
-                                : Outcome{Status::no_full_level, -1};
+                                : Outcome{Status::no_full_level};
   if (rest) {
-    if (rest->most(true) < 1) return {Status::not_converged, -1};
+    if (rest->most(true) < 1) return {Status::not_converged};
     rest->take(1 - kClosing);  // half as much work
   }
   Closure closure;

@@ -16,7 +16,7 @@ struct Loops : Closure {
     motors = robot.motors;
     carry(robot, at, carried);
     cost = residual = 0;
-    for (int i = 0; i < motors; ++i) {
+    for (int i : range(motors)) {
       const Chain& of = robot.chain[i];
       const Real rod = driven[i].rod;
       Vec3 &lever = chain[i].lever, &v = chain[i].v;
@@ -24,7 +24,7 @@ struct Loops : Closure {
       v = of.base + driven[i].p - placed().D - lever - of.anchor;
       f[i] = 0.5 * (v.squaredNorm() - rod * rod);
       cost += f[i] * f[i];
-      residual = std::max(residual, std::fabs(f[i]) / rod);  // |v| - L = f / L to first order
+      residual = max(residual, fabs(f[i]) / rod);  // |v| - L = f / L to first order
     }
   }
 };

@@ -14,7 +14,7 @@ struct Freedoms {
   std::array<int, kFreedoms> index;
 
   void add(int first, int end) {
-    for (int j = first; j < end; ++j) index[count++] = j;
+    for (int j : range(first, end)) index[count++] = j;
   }
 };
 Freedoms motors(const Mechanism& mechanism);

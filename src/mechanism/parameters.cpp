@@ -37,16 +37,16 @@ struct Readings {
   Readings(const Robot& of, const Built& as, const engine::Position& there, Real theta,
            const PredictionRows* predicts)
       : robot(of), built(as), at(there), g(predicts) {
-    for (int i = 0; i < m; ++i) {
+    for (int i : range(m)) {
       e[i].fill(0);
       e[i][i] = robot.chain[i].encoder_errs ? encode(robot.chain[i], at.y[i]).slope : 1;
     }
-    for (int k = 0; k < robot.r; ++k) {
+    for (int k : range(robot.r)) {
       const Sensor& sensor = robot.sensor[k];
       const SensedFreedoms s = sense(robot, built, at, theta, sensor);
       sensed[k] = s;
       side[k] = s.side;
-      for (int j = 0; j < built.mechanism.freedoms; ++j) e[m + k][j] = sensor.gain * s.row[j];
+      for (int j : range(built.mechanism.freedoms)) e[m + k][j] = sensor.gain * s.row[j];
     }
   }
 
@@ -66,7 +66,7 @@ struct Readings {
   /// the frame of a joint that a sensor reads there.
   void enter_end(int closure, int end, int column, const engine::Twist& twist) {
     enter_closure(closure, column, (end == 0 ? 1 : -1) * (twist * at.line[closure]));
-    for (int k = 0; k < robot.r; ++k)
+    for (int k : range(robot.r))
       if (on_rod(robot.sensor[k]) && built.rod_of(robot.sensor[k]) == closure)
         entry(k, column) += robot.sensor[k].gain * (twist * side[k][end].line);
   }
@@ -78,12 +78,12 @@ struct Readings {
   /// A parameter that moves a body, and all that it carries, at fixed freedoms.
   void enter_twist(int body, int column, const engine::Twist& twist) {
     const engine::Mechanism& m_ = built.mechanism;
-    for (int i = 0; i < m_.closures; ++i) {
+    for (int i : range(m_.closures)) {
       const engine::Closure& of = m_.closure[i];
       const int moved = engine::carries(m_, body, of.body_a) - engine::carries(m_, body, of.body_b);
       enter_closure(i, column, moved * (twist * at.line[i]));
     }
-    for (int k = 0; k < robot.r; ++k)
+    for (int k : range(robot.r))
       for (const auto& of : side[k])
         if (engine::carries(m_, body, of.body))
           entry(k, column) += robot.sensor[k].gain * (twist * of.line);
@@ -103,13 +103,11 @@ void Readings::chain_columns(int i) {
   const Chain& chain = robot.chain[i];
   const Mat3& platform = at.frame[built.platform].R;
   const Mat3& body = chain.bar < 0 ? platform : at.frame[built.bar[i]].R;
-  const auto column = [&](ChainParameter parameter) {
-    return chain_column(i) + static_cast<int>(parameter);
-  };
-  for (int side = 0; side < built.rods_per_chain; ++side) {
+  const auto column = [&](ChainParameter parameter) { return chain_column(i) + int(parameter); };
+  for (int side : range(built.rods_per_chain)) {
     const int closure = built.rods_per_chain * i + side;
     const Real half = built.rods_per_chain == 1 ? 0 : side == 0 ? 0.5 : -0.5;
-    for (int k = 0; k < 3; ++k) {
+    for (int k : range(3)) {
       enter_end(closure, 1, column(base_x) + k, along(Vec3::Unit(k)));
       enter_end(closure, 0, column(anchor_x) + k, along(body.col(k)));
     }
@@ -134,14 +132,14 @@ void Readings::encoder_columns(int i) {
   const Chain& chain = robot.chain[i];
   const bool revolute = chain.actuator == Actuator::revolute;
   const auto enter = [&](ChainParameter parameter, Real value, int next = 0) {
-    enter_motor(i, chain_column(i) + static_cast<int>(parameter) + next, value);
+    enter_motor(i, chain_column(i) + int(parameter) + next, value);
   };
   const Real v = (motor_reading(chain, at.y[i]) + chain.encoder_offset) / chain.encoder_gain;
   enter(encoder_offset, -1);
   enter(encoder_gain, v);
   if (revolute) {
     const std::array<Real, 4> harmonic = harmonics(chain.eccentricity, at.y[i]);
-    for (int k = 0; k < 4; ++k)
+    for (int k : range(4))
       enter(eccentricity_c1, chain.encoder_gain * harmonic[k] / chain.eccentricity.gear, k);
   } else {
     enter(encoder_buildup, -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v));
@@ -153,13 +151,13 @@ void Readings::sensor_columns(int k) {
   const Sensor& of = robot.sensor[k];
   const Sensed& s = sensed[k];
   Real* row = &entry(k, sensor_column(robot, k));
-  row[static_cast<int>(SensorParameter::offset)] = -1;
-  row[static_cast<int>(SensorParameter::gain)] = s.value;
-  int column = static_cast<int>(SensorParameter::origin_x);
+  row[int(SensorParameter::offset)] = -1;
+  row[int(SensorParameter::gain)] = s.value;
+  int column = int(SensorParameter::origin_x);
   const Vec3 direction = turned_only(s.direction, of.direction);
   const Vec3 normal = turned_only(s.normal, of.normal);
   for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
-    for (int axis = 0; axis < 3; ++axis) row[column++] = of.gain * (*vector)[axis];
+    for (int axis : range(3)) row[column++] = of.gain * (*vector)[axis];
   if (!rotary(of)) return;
   for (const Real harmonic : harmonics(of.eccentricity, s.angle))
     row[column++] = of.gain * harmonic / of.eccentricity.gear;
@@ -177,18 +175,16 @@ void Readings::joint_columns(int body, int first) {
     const Vec3 moved = at.direction(joint.parent, v);
     return slides ? along(moved) : about(at.frame[body].p, moved);
   };
-  for (int k = 0; k < 3; ++k)
-    enter_twist(body, first + static_cast<int>(AxisParameter::origin_x) + k,
+  for (int k : range(3))
+    enter_twist(body, first + int(AxisParameter::origin_x) + k,
                 along(at.direction(joint.parent, Vec3::Unit(k))));
   if (!slides && joint.kind != engine::Kind::hinge) return;  // no axis of its own
-  for (int k = 0; k < 3; ++k) {
+  for (int k : range(3)) {
     const Vec3 turned = turned_only(Vec3::Unit(k), d);
-    enter_twist(
-        body, first + static_cast<int>(AxisParameter::direction_x) + k,
-        by(slides ? phi * turned : std::sin(phi) * turned + (1 - std::cos(phi)) * d.cross(turned)));
+    enter_twist(body, first + int(AxisParameter::direction_x) + k,
+                by(slides ? phi * turned : sin(phi) * turned + (1 - cos(phi)) * d.cross(turned)));
   }
-  if (is_mechanism(robot.mobility))
-    enter_twist(body, first + static_cast<int>(AxisParameter::zero), by(d));
+  if (is_mechanism(robot.mobility)) enter_twist(body, first + int(AxisParameter::zero), by(d));
 }
 
 /// Parameters of a described closure, in one of its equations: its ends, its length, its hinge.
@@ -196,11 +192,11 @@ void Readings::described_columns(int closure) {
   using enum ClosureParameter;
   const engine::Closure& of = built.mechanism.closure[closure];
   const auto column = [&](ClosureParameter parameter) {
-    return closure_column(robot, of.described) + static_cast<int>(parameter);
+    return closure_column(robot, of.described) + int(parameter);
   };
   const ClosureParameter A = of.exchanged ? base_x : anchor_x, B = of.exchanged ? anchor_x : base_x;
   const Vec3 d = at.A[closure] - at.B[closure];
-  for (int k = 0; k < 3; ++k) {
+  for (int k : range(3)) {
     enter_end(closure, 0, column(A) + k, along(at.direction(of.body_a, Vec3::Unit(k))));
     enter_end(closure, 1, column(B) + k, along(at.direction(of.body_b, Vec3::Unit(k))));
     if (of.plane)
@@ -214,15 +210,14 @@ void Readings::parameter_columns(Real* H_xi) {
   H = H_xi;
   std::fill(H, H + (count - first) * width, Real(0));
   for (int k = 0; k < robot.r && g; ++k)
-    for (int i = 0; i < m; ++i)
-      for (int rod = 0; rod < built.mechanism.closures; ++rod)
-        S[m + k][rod] -= (*g)[k][i] * S[i][rod];
+    for (int i : range(m))
+      for (int rod : range(built.mechanism.closures)) S[m + k][rod] -= (*g)[k][i] * S[i][rod];
   const bool described = is_mechanism(robot.mobility);
-  for (int i = 0; i < m; ++i) described ? encoder_columns(i) : chain_columns(i);
+  for (int i : range(m)) described ? encoder_columns(i) : chain_columns(i);
   const int body = described ? 0 : built.platform + 1 - joints_of(robot);
-  for (int j = 0; j < joints_of(robot); ++j) joint_columns(body + j, axis_column(robot, j));
+  for (int j : range(joints_of(robot))) joint_columns(body + j, axis_column(robot, j));
   for (int i = 0; i < built.mechanism.closures && described; ++i) described_columns(i);
-  for (int k = 0; k < robot.r; ++k) sensor_columns(k);
+  for (int k : range(robot.r)) sensor_columns(k);
 }
 }  // namespace
 
@@ -230,27 +225,27 @@ Outcome linearise(const Robot& robot, const Built& built, const engine::Position
                   Extended& q_e, PoseRows& H_x, Real* H_xi, const PredictionRows* g) {
   if (const Outcome outcome = read(robot, built, at, theta, q_e); !outcome) return outcome;
   const engine::Mechanism& m = built.mechanism;
-  for (int rod = 0; rod < m.closures; ++rod)
+  for (int rod : range(m.closures))
     if (engine::stretched(m, at, rod)) return {Status::singular, rod / built.rods_per_chain};
   const engine::Freedoms unknown = engine::inverse(m);
   const engine::Equations equations(m, at, unknown);
-  if (!equations.regular()) return {Status::singular, -1};
+  if (!equations.regular()) return {Status::singular};
   Readings by(robot, built, at, theta, g);
-  for (int c = 0; c < by.count; ++c) std::copy_n(by.e[c].begin() + by.m, by.n, H_x[c].begin());
+  for (int c : range(by.count)) copy_first(by.n, by.e[c].begin() + by.m, H_x[c]);
   // e_u u, for a motion u of the unknown freedoms
   const auto seen = [&](int c, const Unknowns& u) {
     return sum_of(unknown.count, [&](int j) { return by.e[c][unknown.index[j]] * u[j]; });
   };
-  for (int j = 0; j < by.n; ++j) {
+  for (int j : range(by.n)) {
     std::array<Real, engine::kClosures> f;
-    for (int rod = 0; rod < m.closures; ++rod) f[rod] = equations.by[rod][by.m + j];
+    for (int rod : range(m.closures)) f[rod] = equations.by[rod][by.m + j];
     const Unknowns u = equations.solve(f.data());
-    for (int c = 0; c < by.count; ++c) H_x[c][j] -= seen(c, u);
+    for (int c : range(by.count)) H_x[c][j] -= seen(c, u);
   }
   if (!H_xi) return {};
-  for (int rod = 0; rod < m.closures; ++rod) {
+  for (int rod : range(m.closures)) {
     const Unknowns u = equations.column(rod);
-    for (int c = 0; c < by.count; ++c) by.S[c][rod] = seen(c, u);
+    for (int c : range(by.count)) by.S[c][rod] = seen(c, u);
   }
   by.parameter_columns(H_xi);
   return {};
@@ -263,9 +258,8 @@ void parameter_jacobian(const Robot& robot, const Closure& closure, Real* H,
   stand(robot, closure, built, at);
   Readings by(robot, built, at, closure.pose.theta, g);
   // Each motor follows its own rod alone. Near a singularity J_q is the closure's, damped.
-  for (int c = 0; c < by.count; ++c)
-    for (int i = 0; i < by.m; ++i)
-      by.S[c][i] = by.e[c][i] * closure.chain[i].rate / closure.chain[i].jq;
+  for (int c : range(by.count))
+    for (int i : range(by.m)) by.S[c][i] = by.e[c][i] * closure.chain[i].rate / closure.chain[i].jq;
   by.parameter_columns(H);
 }
 }  // namespace truepose

@@ -75,10 +75,10 @@ inline constexpr std::array kChainTable{TRUEPOSE_CHAIN_PARAMETERS(TRUEPOSE_ROW)}
 inline constexpr std::array kSensorParameterTable{TRUEPOSE_SENSOR_PARAMETERS(TRUEPOSE_ROW)};
 inline constexpr std::array kAxisTable{TRUEPOSE_AXIS_PARAMETERS(TRUEPOSE_ROW)};
 inline constexpr std::array kClosureTable{TRUEPOSE_CLOSURE_PARAMETERS(TRUEPOSE_ROW)};
-inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
-inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.size());
-inline constexpr int kAxisParameters = static_cast<int>(kAxisTable.size());
-inline constexpr int kClosureParameters = static_cast<int>(kClosureTable.size());
+inline constexpr int kChainParameters = int(kChainTable.size());
+inline constexpr int kSensorParameters = int(kSensorParameterTable.size());
+inline constexpr int kAxisParameters = int(kAxisTable.size());
+inline constexpr int kClosureParameters = int(kClosureTable.size());
 
 /// Passive axes, or all bodies of a mechanism.
 inline int joints_of(const Robot& robot) {

@@ -11,14 +11,14 @@ void place_body(const Body& body, const Real* y, const Vec3& p, const Mat3& R, F
   const auto turns_about = [&](const Vec3& axis) { return Twist{origin.cross(axis), axis}; };
   switch (body.kind) {
     case Kind::shift:
-      for (int k = 0; k < body.count; ++k) {
+      for (int k : range(body.count)) {
         at.twist[k] = {R.col(k), Vec3::Zero()};
         at.p += y[k] * R.col(k);
       }
       break;
     case Kind::ball:
       at.R = R * exp_so3(Vec3(y[0], y[1], y[2]));
-      for (int k = 0; k < 3; ++k) at.twist[k] = turns_about(R.col(k));
+      for (int k : range(3)) at.twist[k] = turns_about(R.col(k));
       break;
     case Kind::slide: {
       const Vec3 along = R * body.axis;
@@ -28,7 +28,7 @@ void place_body(const Body& body, const Real* y, const Vec3& p, const Mat3& R, F
     }
     case Kind::hinge: {
       const Real angle = body.offset + body.ratio * y[0];
-      at.R = R * turn_about(body.axis, std::cos(angle), std::sin(angle));
+      at.R = R * turn_about(body.axis, cos(angle), sin(angle));
       at.twist[0] = turns_about(body.ratio * (R * body.axis));
       break;
     }
@@ -58,19 +58,19 @@ void relax(const Mechanism& mechanism, Position& at) {
   const int closures = mechanism.closures, unknowns = mechanism.freedoms - mechanism.motors;
   const Equations freedoms(mechanism, at, forward(mechanism), 0, false);
   std::array<Real, kClosures> s{};
-  for (int k = 0; k < closures; ++k) {
+  for (int k : range(closures)) {
     const Unknowns x = freedoms.column(k);  // s: column k of 1 - A A⁺
-    for (int i = 0; i < closures; ++i)
+    for (int i : range(closures))
       s[i] = Real(i == k) - sum_of(unknowns, [&](int j) { return freedoms.A[i][j] * x[j]; });
     if (s[k] > 0.5 / closures) break;  // s_k² of the unit stress is at least 1/closures for one
   }
   Real held = 0, unit = 0;  // sᵀf and sᵀC s
-  for (int i = 0; i < closures; ++i) {
+  for (int i : range(closures)) {
     at.stress[i] = mechanism.closure[i].compliance * s[i];
     held += s[i] * at.f[i];
     unit += s[i] * at.stress[i];
   }
-  for (int i = 0; i < closures; ++i) at.f[i] -= held / unit * at.stress[i];
+  for (int i : range(closures)) at.f[i] -= held / unit * at.stress[i];
 }
 }  // namespace
 
@@ -84,7 +84,7 @@ Real gap(const Mechanism& mechanism, const Position& at, int closure) {
 }
 
 void place(const Mechanism& mechanism, Position& at, unsigned moving) {
-  for (int b = 0; b < mechanism.bodies; ++b) {
+  for (int b : range(mechanism.bodies)) {
     if (!(moving >> b & 1)) continue;
     const Body& body = mechanism.body[b];
     const Real* y = &at.y[body.freedom];
@@ -95,12 +95,12 @@ void place(const Mechanism& mechanism, Position& at, unsigned moving) {
       place_body(body, y, parent.p, parent.R, at.frame[b]);
     }
   }
-  for (int i = 0; i < mechanism.closures; ++i) place_closure(mechanism, at, i);
+  for (int i : range(mechanism.closures)) place_closure(mechanism, at, i);
   if (mechanism.elastic) relax(mechanism, at);
   at.cost = at.residual = 0;
-  for (int i = 0; i < mechanism.closures; ++i) {
+  for (int i : range(mechanism.closures)) {
     at.cost += at.f[i] * at.f[i];
-    at.residual = std::max(at.residual, std::fabs(gap(mechanism, at, i)));
+    at.residual = max(at.residual, fabs(gap(mechanism, at, i)));
   }
 }
 }  // namespace truepose::engine

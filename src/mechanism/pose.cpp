@@ -4,7 +4,7 @@
 namespace truepose {
 Pose to_pose(Mobility mobility, const Coordinates& x) {
   Pose pose;
-  for (int j = 0; j < positions_of(mobility); ++j) pose.D[j] = x[j];
+  for (int j : range(positions_of(mobility))) pose.D[j] = x[j];
   if (turns_about_z(mobility)) {
     pose.theta = x[dof(mobility) - 1];
     pose.R = rotation_z(pose.theta);
@@ -15,18 +15,18 @@ Pose to_pose(Mobility mobility, const Coordinates& x) {
 
 Coordinates to_coordinates(Mobility mobility, const Pose& pose) {
   Coordinates x{};
-  for (int j = 0; j < positions_of(mobility); ++j) x[j] = pose.D[j];
+  for (int j : range(positions_of(mobility))) x[j] = pose.D[j];
   if (turns_about_z(mobility)) x[dof(mobility) - 1] = pose.theta;
   if (mobility == Mobility::spatial) {
     const Vec3 w = log_so3(pose.R);
-    for (int i = 0; i < 3; ++i) x[3 + i] = w[i];
+    for (int i : range(3)) x[3 + i] = w[i];
   }
   return x;
 }
 
 Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) {
   Pose result = pose;
-  for (int j = 0; j < positions_of(mobility); ++j) result.D[j] += step[j];
+  for (int j : range(positions_of(mobility))) result.D[j] += step[j];
   if (mobility == Mobility::spatial) result.R = exp_so3(Vec3(step[3], step[4], step[5])) * pose.R;
   if (turns_about_z(mobility)) {
     const Real turn = step[dof(mobility) - 1], turn2 = turn * turn;
@@ -52,7 +52,7 @@ Coordinates difference(Mobility mobility, const Pose& to, const Pose& from) {
   }
   Coordinates step = to_coordinates(mobility, to);
   const Coordinates start = to_coordinates(mobility, from);
-  for (int i = 0; i < dof(mobility); ++i) step[i] -= start[i];
+  for (int i : range(dof(mobility))) step[i] -= start[i];
   return step;
 }
 
@@ -64,9 +64,9 @@ void carry(const Robot& robot, const Pose& pose, Carried& carried) {
   std::array<Vec3, kMaxAxes> centre;
   Vec3 p;
   Mat3 R;
-  for (int j = 0; j < n; ++j) {
+  for (int j : range(n)) {
     const PassiveAxis& axis = robot.axis[j];
-    const Mat3 turn = turn_about(axis.direction, std::cos(pose.D[j]), std::sin(pose.D[j]));
+    const Mat3 turn = turn_about(axis.direction, cos(pose.D[j]), sin(pose.D[j]));
     const bool first = j == 0;  // R is the identity
     centre[j] = p = first ? axis.origin : p + R * axis.origin;
     carried.axis[j] = first ? axis.direction : R * axis.direction;
@@ -74,7 +74,7 @@ void carry(const Robot& robot, const Pose& pose, Carried& carried) {
   }
   carried.pose.D = p;
   carried.pose.R = R;
-  for (int j = 0; j < n; ++j) {
+  for (int j : range(n)) {
     carried.arm[j] = p - centre[j];
     carried.linear[j] = carried.axis[j].cross(carried.arm[j]);
   }
@@ -82,7 +82,7 @@ void carry(const Robot& robot, const Pose& pose, Carried& carried) {
 
 Twist to_twist(const Carried& carried, const Coordinates& rate) {
   Twist twist;
-  for (int j = 0; j < carried.n; ++j) {
+  for (int j : range(carried.n)) {
     if (is_rotational(carried.mobility)) {
       twist.velocity += rate[j] * carried.linear[j];
       twist.omega += rate[j] * carried.axis[j];

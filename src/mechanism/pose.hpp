@@ -1,8 +1,6 @@
 // Coordinates x, poses (D, R) and the free twists of a mobility.
 #pragma once
 
-#include <algorithm>
-
 #include "math/so3.hpp"
 #include "mechanism/robot.hpp"
 
@@ -21,7 +19,7 @@ struct Pose {
 inline constexpr std::array<std::array<int, kMaxDof>, 5> kFreeColumns{
     {{0, 1}, {0, 1, 5}, {0, 1, 2}, {0, 1, 2, 5}, {0, 1, 2, 3, 4, 5}}};
 constexpr const std::array<int, kMaxDof>& free_columns(Mobility mobility) {
-  return kFreeColumns[static_cast<std::size_t>(mobility)];
+  return kFreeColumns[std::size_t(mobility)];
 }
 
 /// Whether θ, a turn about z, is the last coordinate.
@@ -78,20 +76,20 @@ Twist to_twist(const Carried& carried, const Coordinates& rate);
 
 /// The row [linear, angular] itself: along all six twists.
 inline void twist_row(const Vec3& linear, const Vec3& angular, Real* row) {
-  std::copy_n(linear.data(), 3, row);
-  std::copy_n(angular.data(), 3, row + 3);
+  copy_first(3, linear, row);
+  copy_first(3, angular, row + 3);
 }
 
 /// The row [linear, angular] T along the platform's free twists.
 inline void free_row(const Carried& carried, const Vec3& linear, const Vec3& angular, Real* row) {
   if (is_rotational(carried.mobility)) {
-    for (int j = 0; j < carried.n; ++j)
+    for (int j : range(carried.n))
       row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
     return;
   }
   Real twist[6];
   twist_row(linear, angular, twist);
   const auto& column = free_columns(carried.mobility);
-  for (int j = 0; j < carried.n; ++j) row[j] = twist[column[j]];
+  for (int j : range(carried.n)) row[j] = twist[column[j]];
 }
 }  // namespace truepose

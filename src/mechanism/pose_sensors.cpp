@@ -26,7 +26,7 @@ Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Pose& pos
   const Vec3 vertical = sensor.origin, up = pose.R.transpose() * vertical;
   const Vec3 a = sensor.direction, b = sensor.normal, side = b.cross(a);
   const Real sine = side.dot(up), cosine = b.dot(up), square = sine * sine + cosine * cosine;
-  s.value = std::atan2(sine, cosine);
+  s.value = atan2(sine, cosine);
   const Vec3 by_up = (cosine * side - sine * b) / square;
   // A turn ω of the platform (base frame) changes g' by Rᵀ(z × ω).
   s.angular = (pose.R * by_up).cross(vertical);
@@ -39,7 +39,7 @@ Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Pose& pos
 Sensed sense(Is<SensorKind::rotation>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 w = log_so3(pose.R), a = sensor.direction;
-  const Real angle2 = w.squaredNorm(), half = 0.5 * std::sqrt(angle2);
+  const Real angle2 = w.squaredNorm(), half = 0.5 * sqrt(angle2);
   const Real k = angle2 < 1e-6 ? 1.0 / 12 + angle2 / 720 : (1 - half / std::tan(half)) / angle2;
   s.value = a.dot(w);
   s.angular = a - a.cross(w) / 2 + k * w.cross(w.cross(a));

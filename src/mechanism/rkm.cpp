@@ -15,13 +15,13 @@ namespace {
   stand(robot, closure, built, at);
   Square K;
   inverse_rows(closure, K);
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
     const SensedFreedoms s = sense(robot, built, at, closure.pose.theta, sensor);
     values[k] = sensor.gain * s.value - sensor.offset;
-    for (int j = 0; j < closure.carried.n; ++j) {
+    for (int j : range(closure.carried.n)) {
       Real slope = s.row[m + j];
-      for (int i = 0; i < m; ++i)
+      for (int i : range(m))
         if (s.row[i] != 0) slope += s.row[i] * closure.chain[i].rate * K[i][j];
       jr[k][j] = sensor.gain * slope;
     }
@@ -31,7 +31,7 @@ namespace {
 
 Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorRows& jr) {
   bool plain = true;  // all read the paper's θ
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
     plain = plain && sensor.kind == SensorKind::platform_angle && !eccentric(sensor);
     values[k] = sensor.gain * closure.pose.theta - sensor.offset;
@@ -39,16 +39,16 @@ Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorR
   }
   if (!plain) sense_all(robot, closure, values, jr);
   Real sum = 0;  // a NaN shows in it
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     sum += values[k];
-    for (int j = 0; j < closure.carried.n; ++j) sum += jr[k][j];
+    for (int j : range(closure.carried.n)) sum += jr[k][j];
   }
-  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  return {isfinite(sum) ? Status::ok : Status::not_finite};
 }
 
 Joint motors_of(const Robot& robot, const Extended& q_e) {
   Joint q{};
-  std::copy_n(q_e.begin(), robot.motors, q.begin());
+  copy_first(robot.motors, q_e, q);
   return q;
 }
 }  // namespace truepose

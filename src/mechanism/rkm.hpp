@@ -12,8 +12,8 @@ Outcome rkm(const Robot& robot, const Closure& closure, Reading& values, SensorR
 
 /// Extended positions q_e = [q; r].
 inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extended& q_e) {
-  for (int i = 0; i < robot.motors; ++i) q_e[i] = q[i];
-  for (int k = 0; k < robot.r; ++k) q_e[robot.motors + k] = r[k];
+  for (int i : range(robot.motors)) q_e[i] = q[i];
+  for (int k : range(robot.r)) q_e[robot.motors + k] = r[k];
 }
 
 Joint motors_of(const Robot& robot, const Extended& q_e);

@@ -6,9 +6,7 @@
 namespace truepose {
 Outcome parts_exist(const Robot& robot) {
   const auto missing = [](int part) { return Outcome{Status::no_such_part, part}; };
-  const auto below = [](auto index, int count) {
-    return static_cast<int>(index) >= 0 && static_cast<int>(index) < count;
-  };
+  const auto below = [](auto index, int count) { return int(index) >= 0 && int(index) < count; };
   const bool described = is_mechanism(robot.mobility);
   const engine::Mechanism& m = robot.mechanism;
   const auto bar = [&](int index) {
@@ -20,12 +18,12 @@ Outcome parts_exist(const Robot& robot) {
       robot.motors + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1) ||
       !below(robot.bar_joint, 2) || !below(robot.level, 2))
     return missing(-1);
-  for (int i = 0; i < robot.chains; ++i) {
+  for (int i : range(robot.chains)) {
     const Chain& chain = robot.chain[i];
     if (!below(chain.actuator, 3) || !sign(chain.working_mode) || !bar(chain.bar))
       return missing(i);
   }
-  for (int k = 0; k < robot.r; ++k) {
+  for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
     if (!below(sensor.kind, kSensorKinds)) return missing(kSensorPart + k);
     const bool rod = described && sensor.kind != SensorKind::motor_encoder;
@@ -39,7 +37,7 @@ Outcome parts_exist(const Robot& robot) {
                                   below(sensor.axis, passive_axes(robot.mobility));
     if (!chain || !axis || !sign(sensor.rod) || !bar(sensor.bar)) return missing(kSensorPart + k);
   }
-  for (int k = 0; k < robot.bodies; ++k)
+  for (int k : range(robot.bodies))
     if (!bar(robot.body[k].bar)) return missing(kBodyPart + k);
   if (!described) return {};
   const bool whole = engine::check_parts(m) && m.motors == robot.motors &&
@@ -50,7 +48,7 @@ Outcome parts_exist(const Robot& robot) {
 }
 
 void note_encoders(Robot& robot) {
-  for (int i = 0; i < robot.chains; ++i)
+  for (int i : range(robot.chains))
     robot.chain[i].encoder_errs = robot.chain[i].encoder_gain != 1 ||
                                   robot.chain[i].encoder_buildup != 0 ||
                                   robot.chain[i].eccentricity.any();
@@ -58,7 +56,7 @@ void note_encoders(Robot& robot) {
 
 void note_vertical(Robot& robot) {
   const Vec3& g = robot.gravity;
-  for (int k = 0; k < robot.r; ++k)
+  for (int k : range(robot.r))
     if (robot.sensor[k].kind == SensorKind::inclinometer)
       robot.sensor[k].origin = g.norm() > 0 ? -g.normalized() : Vec3::UnitZ();
 }

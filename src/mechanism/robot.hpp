@@ -9,7 +9,6 @@
 // Units are SI (m, rad, kg, N); frames are the base frame unless stated otherwise.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <type_traits>
@@ -208,7 +207,7 @@ inline constexpr int kMobilities = 11;
 /// Number of freedoms. (An unfinished robot's mobility may be invalid; it has any.)
 constexpr int dof(Mobility mobility) {
   constexpr std::array<int, kMobilities> sizes{2, 3, 3, 4, 6, 1, 2, 3, 1, 2, 3};
-  const auto index = static_cast<std::size_t>(mobility);
+  const auto index = std::size_t(mobility);
   return sizes[index < sizes.size() ? index : 0];
 }
 
@@ -253,7 +252,7 @@ void note_vertical(Robot& robot);
 template <class Values>
 inline bool all_finite(const Values& values, int count) {
   Real sum = 0;
-  for (int i = 0; i < count; ++i) sum += 0 * values[static_cast<std::size_t>(i)];
+  for (int i : range(count)) sum += 0 * values[std::size_t(i)];
   return sum == 0;
 }
 }  // namespace truepose

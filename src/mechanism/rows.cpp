@@ -13,7 +13,7 @@ inline void for_each_twist(const Mechanism& mechanism, const Position& at, int b
     const Frame& frame = at.frame[b];
     const Real distance2 = moved.kind >= Kind::hinge ? (end - frame.p).squaredNorm() : 1;
     const Real reach2 = distance2 * moved.ratio * moved.ratio;
-    for (int k = 0; k < moved.count; ++k) f(moved.freedom + k, frame.twist[k], reach2);
+    for (int k : range(moved.count)) f(moved.freedom + k, frame.twist[k], reach2);
   }
 }
 }  // namespace
@@ -67,7 +67,7 @@ Real serial(const Mechanism& mechanism, const Position& at, int closure) {
                    slope -= twist * line;
                    size += line.force.squaredNorm() * reach2;
                  });
-  return size > 0 ? slope / std::sqrt(size) : 0;
+  return size > 0 ? slope / sqrt(size) : 0;
 }
 
 int mode_of(const Mechanism& mechanism, const Position& at, int closure) {
@@ -81,22 +81,21 @@ Real parallel(const Mechanism& mechanism, const Position& at) {
   Square A, inverse;
   Unknowns size{}, ones;
   ones.fill(1);
-  for (int i = 0; i < rows; ++i) {
+  for (int i : range(rows)) {
     Row own{};
     const Row by = row(mechanism, at, i, own);
     const Real force2 = at.line[i].force.squaredNorm();
-    for (int j = 0; j < columns; ++j) {
-      A[i][j] = by[free.index[j]] / std::sqrt(force2);
+    for (int j : range(columns)) {
+      A[i][j] = by[free.index[j]] / sqrt(force2);
       size[j] += own[free.index[j]] / force2;
     }
   }
   Real square = 0, inverse2 = 0;
-  for (int i = 0; i < rows; ++i)
-    for (int j = 0; j < columns; ++j)
-      square += A[i][j] * A[i][j] / size[j], A[i][j] /= std::sqrt(size[j]);
+  for (int i : range(rows))
+    for (int j : range(columns)) square += A[i][j] * A[i][j] / size[j], A[i][j] /= sqrt(size[j]);
   if (!invert(rows, columns, A, ones, inverse)) return 0;
-  for (int j = 0; j < columns; ++j)
-    for (int i = 0; i < rows; ++i) inverse2 += inverse[j][i] * inverse[j][i];
-  return columns / std::sqrt(square * inverse2);
+  for (int j : range(columns))
+    for (int i : range(rows)) inverse2 += inverse[j][i] * inverse[j][i];
+  return columns / sqrt(square * inverse2);
 }
 }  // namespace truepose::engine

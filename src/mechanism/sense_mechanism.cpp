@@ -60,15 +60,15 @@ SensedFreedoms sense(const Robot& robot, const Built& built, const engine::Posit
 
 Outcome read(const Robot& robot, const Built& built, const engine::Position& at, Real theta,
              Extended& q_e) {
-  for (int i = 0; i < robot.motors; ++i) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
-  for (int k = 0; k < robot.r; ++k) {
+  for (int i : range(robot.motors)) q_e[i] = motor_reading(robot.chain[i], at.y[i]);
+  for (int k : range(robot.r)) {
     const Sensor& sensor = robot.sensor[k];
     if (built.layout == Layout::full && !is_mechanism(robot.mobility) &&
         sensor.bar >= robot.full.bars)
-      return {Status::not_measured, -1};
+      return {Status::not_measured};
     q_e[robot.motors + k] =
         sensor.gain * sense(robot, built, at, theta, sensor).value - sensor.offset;
   }
-  return {all_finite(q_e, readings(robot)) ? Status::ok : Status::not_finite, -1};
+  return {all_finite(q_e, readings(robot)) ? Status::ok : Status::not_finite};
 }
 }  // namespace truepose

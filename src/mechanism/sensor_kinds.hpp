@@ -81,11 +81,11 @@ inline constexpr auto kSensorTable = std::to_array<SensorProperties>({
     {SensorKind::joint_angle, "joint_angle", Unit::radian, kShaft},
     {SensorKind::slide_position, "slide_position", Unit::metre, 0},
 });  // the last row
-inline constexpr int kSensorKinds = static_cast<int>(kSensorTable.size());
+inline constexpr int kSensorKinds = int(kSensorTable.size());
 
 /// Properties of a valid kind (see parts_exist).
 constexpr const SensorProperties& properties(SensorKind kind) {
-  return kSensorTable[static_cast<std::size_t>(kind)];
+  return kSensorTable[std::size_t(kind)];
 }
 
 /// A kind as a type, for the overloads of `sense`.
@@ -96,7 +96,7 @@ using Is = std::integral_constant<SensorKind, kind>;
 template <class Table, class Column>
 constexpr bool in_order(const Table& table, Column column) {
   for (std::size_t k = 0; k < table.size(); ++k)
-    if (static_cast<std::size_t>(table[k].*column) != k) return false;
+    if (std::size_t(table[k].*column) != k) return false;
   return true;
 }
 

@@ -5,7 +5,6 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
-#include <algorithm>
 #include <functional>
 #include <numeric>
 
@@ -63,14 +62,13 @@ nb::object owned(const Range& from, Shape shape = {}) {
   return array.release();
 }
 inline nb::object owned(const RowMatrix& from) {
-  return owned(from,
-               {static_cast<std::size_t>(from.rows()), static_cast<std::size_t>(from.cols())});
+  return owned(from, {std::size_t(from.rows()), std::size_t(from.cols())});
 }
 
 /// A frame's homogeneous matrix by rows, and back.
 inline std::array<double, 16> numbers_of(const Frame& from) {
   std::array<double, 16> T{};
-  for (int k = 0; k < 12; ++k) T[k] = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
+  for (int k : range(12)) T[k] = k % 4 < 3 ? from.R(k / 4, k % 4) : from.t[k / 4];
   T[15] = 1;
   return T;
 }
@@ -89,7 +87,7 @@ bool taken(nb::handle from, Array& to) noexcept {
     const std::size_t size = given.size();
     if constexpr (std::is_same_v<Array, RowMatrix>) {
       if (given.ndim() != 2) return false;
-      to = {static_cast<int>(given.shape(0)), static_cast<int>(given.shape(1)), given.data()};
+      to = {int(given.shape(0)), int(given.shape(1)), given.data()};
     } else if constexpr (std::is_same_v<Array, Frame>) {
       if (size != 16) return false;
       to = frame_of(given.data());
@@ -136,7 +134,7 @@ namespace truepose::python {
 /// The status and chain of an answer, behind its values.
 template <class... T>
 nb::tuple answered(Outcome outcome, const T&... values) {
-  return nb::make_tuple(values..., static_cast<int>(outcome.status), outcome.chain);
+  return nb::make_tuple(values..., int(outcome.status), outcome.chain);
 }
 
 /// Row i of an array; its only row is that of all.
@@ -148,8 +146,7 @@ inline const double* at_row(const Rows& rows, std::size_t i) {
 template <class Vector>
 Vector row(const Rows& rows, std::size_t i) {
   Vector result{};
-  std::copy_n(at_row(rows, i), std::min(rows.shape(1), sizeof result / sizeof(double)),
-              result.data());
+  std::copy_n(at_row(rows, i), min(rows.shape(1), sizeof result / sizeof(double)), result.data());
   return result;
 }
 

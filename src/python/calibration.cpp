@@ -19,7 +19,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      int registration, Optional<const Links> links, int influences,
                      const Rows& influence, int loss, int iterations, bool full, int referenced,
                      bool rows) {
-  RowMatrix x(static_cast<int>(q_e.shape(0)), dof(drawn.mobility));
+  RowMatrix x(int(q_e.shape(0)), dof(drawn.mobility));
   CalibrationResult result;
   {
     const nb::gil_scoped_release release;
@@ -36,20 +36,20 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                   {influences, nuisances, registration, Loss{loss}, iterations, rows, Signals{}});
   }
   std::vector<int> status;
-  for (int i = 0; i < x.rows(); ++i) {
-    status.push_back(static_cast<int>(result.status[i]));
+  for (int i : range(x.rows())) {
+    status.push_back(int(result.status[i]));
     Coordinates at;
     at.fill(NAN);
     if (!result.xi.empty() && status[i] == 0) at = to_coordinates(drawn.mobility, result.pose[i]);
-    std::copy_n(at.begin(), x.cols(), x[i]);
+    copy_first(x.cols(), at, x[i]);
   }
-  const RowMatrix link(static_cast<int>(result.link.size()), 4,
+  const RowMatrix link(int(result.link.size()), 4,
                        reinterpret_cast<const double*>(result.link.data()));
   const auto& [start, found] = std::tie(result.start, result.registration);
   return nb::make_tuple(
-      static_cast<int>(result.outcome.status), result.iterations, result.xi, result.covariance, x,
-      result.chi2, result.redundancy, result.weight, status, result.cost, start.base, start.marker,
-      found.base, found.marker, result.w, link, result.amount,
+      int(result.outcome.status), result.iterations, result.xi, result.covariance, x, result.chi2,
+      result.redundancy, result.weight, status, result.cost, start.base, start.marker, found.base,
+      found.marker, result.w, link, result.amount,
       nb::make_tuple(result.rows.B, result.rows.y, result.rows.D, result.rows.line));
 }
 
@@ -58,7 +58,7 @@ auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix
                const std::vector<int>& line, const RowMatrix& C, const std::vector<int>& end,
                const RowMatrix& ordinary) {
   std::vector<Ordinary> by;
-  for (int i = 0; i < ordinary.rows(); ++i)
+  for (int i : range(ordinary.rows()))
     by.push_back({ordinary(i, 0), ordinary(i, 1), ordinary(i, 2), ordinary(i, 3)});
   const nb::gil_scoped_release release;
   return weigh({B, y, D, line}, {C, end}, by);
@@ -158,8 +158,8 @@ auto batch_observe(Online& online, const Rows& q_e, const std::vector<double>& l
 /// Measured differences, a row each: kind, two rows of the log, and the rest as in Link.
 Links links_of(const RowMatrix& rows, const std::vector<double>& mean, int first) {
   Links links{{}, mean, first};
-  for (int i = 0; i < rows.rows(); ++i) {
-    const auto whole = [&](int k) { return static_cast<int>(rows(i, k)); };
+  for (int i : range(rows.rows())) {
+    const auto whole = [&](int k) { return int(rows(i, k)); };
     links.link.push_back({LinkKind{whole(0)},
                           {whole(1), whole(2)},
                           whole(3),
@@ -190,15 +190,22 @@ void bind_calibration(nb::module_& m) {
       .def_prop_ro("memory", &Online::memory)
       .def_ro("lines", &Online::lines)
       .def_ro("left_out", &Online::left_out)
-      .def_prop_ro("doubt", [](const Online& online) { return online.state.doubt; })
-      .def_ro("xi", &Online::xi)
-      .def_prop_ro("root", [](const Online& online) { return online.prior.root; })
+      .def_prop_ro("residual_test", [](const Online& online) { return online.state.test; })
+      .def_prop_ro("xi",
+                   [](const Online& online) {
+                     return std::vector<double>(online.state.xi, online.state.xi + online.width());
+                   })
+      .def_prop_ro("root",
+                   [](const Online& online) {
+                     const int p = online.state.count;
+                     return RowMatrix(p, p, online.state.root);
+                   })
       .def_prop_ro("sigma", [](const Online& online) { return online.state.sigma; })
       .def_prop_ro("recognised", [](Online& online) {
         online.note();
         nb::list all;
         for (const auto& [row, kind, which, log_odds] : online.recognised)
-          all.append(nb::make_tuple(row, static_cast<int>(kind), which, log_odds));
+          all.append(nb::make_tuple(row, int(kind), which, log_odds));
         return all;
       });
   nb::class_<ResidualTest>(m, "ResidualTest")

@@ -25,7 +25,7 @@ auto settled(const Robot& nominal, const Robot& truth, const ControlSettings& co
         settle(nominal, truth, settings, row<Coordinates>(x_d, i), x,
                Weights(nominal, known.value_or(nullptr)), off ? row<Extended>(*off, i) : Extended{},
                by_truth[i], faults.empty() ? nullptr : &lying);
-    std::copy_n(x.begin(), x_d.shape(1), out[0]);
+    copy_first(x_d.shape(1), x, out[0]);
     return outcome;
   });
   return nb::tuple(found + nb::make_tuple(by_truth.release()));

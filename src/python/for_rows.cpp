@@ -1,7 +1,6 @@
 // Distribution of a batch's rows over the cores that this process may use; Ctrl-C ends it.
 #include "python/for_rows.hpp"
 
-#include <cmath>
 #include <future>
 #include <system_error>
 #include <thread>
@@ -17,19 +16,19 @@ std::size_t available_cores() {
   cpu_set_t cores;
   if (sched_getaffinity(0, sizeof cores, &cores) == 0) return CPU_COUNT(&cores);
 #endif
-  return std::max(1U, std::thread::hardware_concurrency());
+  return max(1U, std::thread::hardware_concurrency());
 }
 }  // namespace
 
 void for_rows(std::size_t count, const std::function<void(std::size_t)>& f,
               std::size_t rows_per_thread) {
   const nb::gil_scoped_release release;
-  const std::size_t threads = std::min(available_cores(), count / rows_per_thread);
-  const std::size_t few = std::clamp<std::size_t>(rows_per_thread / 16, 1, kRowsPerThread / 16);
+  const std::size_t threads = min(available_cores(), count / rows_per_thread);
+  const std::size_t few = clamp<std::size_t>(rows_per_thread / 16, 1, kRowsPerThread / 16);
   std::atomic<std::size_t> next = 0;
   const auto work = [&](auto between) {
     for (std::size_t start; (start = next.fetch_add(few)) < count;) {
-      for (std::size_t i = start; i < std::min(start + few, count); ++i) f(i);
+      for (std::size_t i = start; i < min(start + few, count); ++i) f(i);
       between();
     }
   };
@@ -63,7 +62,7 @@ nb::tuple batch(std::size_t count, const std::vector<Shape>& shapes,
         Results out;
         for (std::size_t m = 0; m < arrays.size(); ++m) out[m] = arrays[m][i];
         const Outcome outcome = f(i, out);
-        *status[i] = static_cast<int>(outcome.status), *chain[i] = outcome.chain;
+        *status[i] = int(outcome.status), *chain[i] = outcome.chain;
         for (std::size_t m = 0; m < arrays.size() && !outcome; ++m)
           std::fill_n(out[m], arrays[m].width, NAN);
       },

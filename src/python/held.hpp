@@ -4,6 +4,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 
+#include <span>
 #include <stdexcept>
 
 #include "calibration/line.hpp"
@@ -27,7 +28,7 @@ struct Known {
     if (root.rows() != root.cols() || root.rows() != count())
       throw std::invalid_argument("one row and column for each parameter");
   }
-  int count() const { return static_cast<int>(column.size()); }
+  int count() const { return int(column.size()); }
   Knowledge view() const { return {count(), column.data(), root.data(), sigma}; }
 };
 
@@ -35,7 +36,7 @@ struct Known {
 inline Influences influences_at(const Robot& robot, const std::optional<Rows>& influence,
                                 std::size_t i) {
   if (!influence) return {};
-  return {static_cast<int>(influence->shape(1)) / readings(robot), at_row(*influence, i)};
+  return {int(influence->shape(1)) / readings(robot), at_row(*influence, i)};
 }
 
 /// Knowledge and work space of one thread for weighted laws; none without knowledge.
@@ -95,18 +96,14 @@ struct FaultTolerantSetup {
 /// An online calibrator, the arrays that it points to, and their level; kept between runs.
 struct Online : OnlineCalibrator {
   const Robot nominal;
-  Known prior;
-  std::vector<double> xi;
-  const RowMatrix drifts;
+  const Known prior;
   const Level level;
-  std::vector<double> space, kept;
-  const RowMatrix steps;
+  const RowMatrix drifts, steps;
   const std::vector<double> log_odds;
   const std::vector<int> ends;
-  std::vector<double> remembered;
+  std::vector<double> space, followed;
   Window window;
   std::vector<Recognised> recognised;
-  std::vector<double> used;  ///< ξ of the robot in use
 
   /// @param drift  one row per random walk, one column per uncertain parameter
   /// @param step  one row per change, of each change the log odds, and the end of its steps
@@ -116,45 +113,37 @@ struct Online : OnlineCalibrator {
          const Coordinates& force, const Joint& compliance)
       : nominal(of),
         prior(known),
-        xi(mean),
-        drifts(drift),
         level(python::level(full)),
-        space(online_work(of, known.count())),
-        kept(online_kept(known.count())),
+        drifts(drift),
         steps(step),
         log_odds(odds),
-        ends(end) {
-    drawn = &nominal;
-    settings = {drifts.rows(),
-                drifts.data(),
-                nullptr,
-                gate,
-                {steps.rows(), steps.data(), static_cast<int>(ends.size()), ends.data(),
-                 log_odds.data(), load, force, compliance}};
-    state = {prior.count(), prior.column.data(),
-             xi.data(),     prior.root.data(),
-             prior.sigma,   0,
-             kept.data(),   {}};
-    work = space.data();
+        ends(end),
+        space(online_memory(of, known.count())) {
+    static_cast<void>(start(nominal, prior.view(), space.data(), *this));
+    std::ranges::copy(mean, state.xi);
+    state.kept.assign(state);
+    settings.gate = gate;
+    settings.changes = {steps.rows(), int(ends.size()), drifts.rows(), load,  steps.data(),
+                        ends.data(),  log_odds.data(),  drifts.data(), force, compliance};
     if (ends.empty()) return;
-    remembered.resize(window_memory(nominal, state.count, settings.changes));
-    lay_out(nominal, state.count, settings.changes, remembered.data(), window);
-    window.sigma = state.sigma;
-    state.window = &window;
+    followed.resize(follow_memory(*this, settings.changes));
+    follow(settings.changes, followed.data(), window, *this);
   }
   Online(const Online&) = delete;
   Online& operator=(const Online&) = delete;
+
+  std::size_t width() const { return parameter_count(nominal); }
+  std::span<double> kept() const { return {state.kept.xi, width() + state.count * state.count}; }
 
   /// The calibrator for a run: with the robot at ξ̂. Its first row is new.
   OnlineCalibrator& begin(const Robot& of) {
     if (!replaying(*this)) settings.linearised = nullptr;
     robot = of;
     robot.level = nominal.level;
-    static_cast<void>(set_parameters(nominal, xi.data(), robot));
+    static_cast<void>(set_parameters(nominal, state.xi, robot));
     pose = to_pose(of.mobility, of.home);
     last.fill(INFINITY);
-    used = xi;
-    in_use = state.window ? used.data() : nullptr;
+    if (in_use) std::copy_n(state.xi, width(), in_use);
     return *this;
   }
   /// One row of a log, whatever it was before: also once updates have stopped.
@@ -175,34 +164,34 @@ struct Online : OnlineCalibrator {
   }
   /// Keeps the changes recognised since the last call.
   void note() {
-    for (auto k = static_cast<long>(recognised.size()); k < window.recognised; ++k)
+    for (auto k = long(recognised.size()); k < window.recognised; ++k)
       recognised.push_back(window.news[k % kNews]);
   }
   /// State other than ξ̂ and its root: the rollback state, σ, counts, the residual test, the window.
   nb::tuple memory() const {
     const auto bytes = [](const auto& of) { return nb::bytes(&of, sizeof of); };
     const auto* news = reinterpret_cast<const char*>(recognised.data());
-    return nb::make_tuple(kept, remembered, state.due, lines, left_out, bytes(state.sigma),
-                          bytes(state.doubt), bytes(window),
+    return nb::make_tuple(std::vector<double>(kept().begin(), kept().end()), followed, state.due,
+                          lines, left_out, bytes(state.sigma), bytes(state.test), bytes(window),
                           nb::bytes(news, recognised.size() * sizeof recognised[0]));
   }
   /// Resumes from another object's arrays and memory.
   void resume(const std::vector<double>& saved, const std::vector<double>& rows, int due, long used,
-              long excluded, const nb::bytes& sigma, const nb::bytes& doubt,
+              long excluded, const nb::bytes& sigma, const nb::bytes& test,
               const nb::bytes& evidence, const nb::bytes& news) {
-    if (saved.size() != kept.size() || rows.size() != remembered.size() ||
-        sigma.size() != sizeof state.sigma || doubt.size() != sizeof state.doubt ||
+    if (saved.size() != kept().size() || rows.size() != followed.size() ||
+        sigma.size() != sizeof state.sigma || test.size() != sizeof state.test ||
         evidence.size() != sizeof window || news.size() % sizeof recognised[0] != 0)
       throw std::invalid_argument("the memory of another filter");
-    std::ranges::copy(saved, kept.begin());
-    std::ranges::copy(rows, remembered.begin());
+    std::ranges::copy(saved, state.kept.xi);
+    std::ranges::copy(rows, followed.begin());
     state.due = due, lines = used, left_out = excluded;
     std::memcpy(&state.sigma, sigma.data(), sizeof state.sigma);
-    std::memcpy(&state.doubt, doubt.data(), doubt.size());
+    std::memcpy(&state.test, test.data(), test.size());
     std::memcpy(&window, evidence.data(), evidence.size());
     recognised.resize(news.size() / sizeof recognised[0]);
     std::memcpy(recognised.data(), news.data(), news.size());
-    if (state.window) lay_out(nominal, state.count, settings.changes, remembered.data(), window);
+    if (state.window) lay_out(nominal, state, settings.changes, followed.data() + width(), window);
   }
 };
 }  // namespace truepose::python

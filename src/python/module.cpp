@@ -8,7 +8,7 @@ NB_MODULE(_core, m) {
   using namespace truepose;
   m.doc() = "truepose's real-time core. Use the truepose package; this is its engine.";
   nb::set_leak_warnings(false);  // an interpreter may end with robots alive
-  const auto status = [](Status of) { return static_cast<int>(of); };
+  const auto status = [](Status of) { return int(of); };
   for (const auto& [name, number] : {std::pair<const char*, int>{"max_motors", kMaxMotors},
                                      {"max_sensors", kMaxSensors},
                                      {"max_readings", kMaxReadings},

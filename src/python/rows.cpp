@@ -1,5 +1,4 @@
 // Functions over rows of arrays for Python: one table, without the interpreter's lock.
-#include <cmath>
 #include <string>
 
 #include "calibration/bound.hpp"
@@ -165,7 +164,7 @@ const RowFunction kFunctions[] = {
        Closure at;
        const Outcome outcome = ikm(robot, x, at);
        std::array<std::array<Vec3, 4>, kMaxChains> points;
-       for (int k = 0; k < at.motors; ++k) {
+       for (int k : range(at.motors)) {
          const Vec3 P = robot.chain[k].base, B = P + at.chain[k].p;
          points[k] = {P, B, B - at.chain[k].v, at.placed().D + at.chain[k].lever};
        }
@@ -176,7 +175,7 @@ const RowFunction kFunctions[] = {
        FullClosure closure;
        const Outcome outcome = ikm(robot, x, closure);
        std::array<std::array<Vec3, 4>, engine::kBodies> bodies;
-       for (int b = 0; b < engine::kBodies; ++b) {
+       for (int b : range(engine::kBodies)) {
          const auto& [p, R, twist] = closure.at.frame[b];
          bodies[b] = {p, R.col(0), R.col(1), R.col(2)};
        }
@@ -253,7 +252,7 @@ const RowFunction kFunctions[] = {
      of<[](const Robot& robot, Frame base, Frame marker, Pose x, Coordinates measured) {
        const Mobility mobility = robot.mobility;
        const Seen at = seen(mobility, {base, marker}, x);
-       const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
+       const double theta = atan2(at.Q(1, 0), at.Q(0, 0));
        return std::tuple(Outcome{}, to_coordinates(mobility, {at.p, at.Q, theta}),
                          innovation(mobility, at, measured.data()), at.H_x, at.H, at.blunt);
      }>},

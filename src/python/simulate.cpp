@@ -23,14 +23,14 @@ struct Visited {
   void add(const Robot& nominal, const Sample& sample, double end, double hold) {
     x = sample.x, q_e = sample.q_e;
     if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
-    const bool moving = sample.time <= end - std::min(kRest, hold);
-    for (int k = 0; k < dof(nominal.mobility); ++k) {
-      low[k] = moving ? x[k] : std::min(low[k], x[k]);
-      high[k] = moving ? x[k] : std::max(high[k], x[k]);
+    const bool moving = sample.time <= end - min(kRest, hold);
+    for (int k : range(dof(nominal.mobility))) {
+      low[k] = moving ? x[k] : min(low[k], x[k]);
+      high[k] = moving ? x[k] : max(high[k], x[k]);
     }
-    for (int k = 0; k < nominal.motors; ++k) {
+    for (int k : range(nominal.motors)) {
       const double limit = nominal.chain[k].torque_limit;
-      if (saturated < 0 && limit > 0 && std::fabs(sample.torque[k]) >= limit) saturated = k;
+      if (saturated < 0 && limit > 0 && fabs(sample.torque[k]) >= limit) saturated = k;
     }
   }
 };
@@ -52,7 +52,7 @@ nb::object changed(const Rows& q_e,
   const auto next = [&](std::size_t i, auto& out) {
     Extended now = row<Extended>(q_e, i);
     change(i, now);
-    std::copy_n(now.begin(), width, out[0]);
+    copy_first(width, now, out[0]);
     return Outcome{};
   };
   return batch(q_e.shape(0), {{width}}, next, kInOrder)[0];
@@ -112,10 +112,10 @@ struct Given : Extras {
     }
     weighing = own, monitor_weighing = monitored;
     if (!of.online) return;
-    learner = &(*of.online)->begin(of.nominal);
-    own.weigh(of.nominal, learner->knowledge());
+    calibrator = &(*of.online)->begin(of.nominal);
+    own.weigh(of.nominal, calibrator->knowledge());
     weighing = monitor_weighing = own;
-    tolerant.finest = &learner->robot;
+    tolerant.finest = &calibrator->robot;
   }
 };
 
@@ -130,7 +130,7 @@ nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& accele
                     row<Coordinates>(acceleration, k)};
   };
   const auto path = [&](double k) {
-    const auto before = std::min(static_cast<std::size_t>(k), periods);
+    const auto before = min(std::size_t(k), periods);
     if (before == periods) return at(before);
     return between(nominal.mobility, at(before), at(before + 1), settings.period, k - before);
   };
@@ -146,7 +146,7 @@ nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& accele
     nb::gil_scoped_release release;
     Signals signals;
     outcome = Loop(nominal, truth, settings, start, seed, given)
-                  .follow(static_cast<int>(periods), steps, path, [&](const Sample& sample) {
+                  .follow(int(periods), steps, path, [&](const Sample& sample) {
                     log.push_back(sample);
                     signals();
                   });
@@ -193,11 +193,11 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
   for (std::size_t i = 0; i < pose.size(); ++i)
     if (closed[i]) found.push_back(pose[i]);
   const std::vector<AssemblyMode> modes = distinct_modes(robot, std::move(found));
-  RowMatrix x(static_cast<int>(modes.size()), dof(robot.mobility));
+  RowMatrix x(int(modes.size()), dof(robot.mobility));
   std::vector<int> seen;
   for (const AssemblyMode& mode : modes) {
     const Coordinates at = to_coordinates(robot.mobility, mode.pose);
-    std::copy_n(at.begin(), x.cols(), x[static_cast<int>(seen.size())]);
+    copy_first(x.cols(), at, x[int(seen.size())]);
     seen.push_back(mode.seen);
   }
   return nb::make_tuple(x, seen);

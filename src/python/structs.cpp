@@ -27,7 +27,7 @@ using namespace nb::literals;
 namespace {
 const char* text(Unit unit) {
   constexpr const char* kUnits[] = {"", "m", "rad", "reading"};
-  return kUnits[static_cast<int>(unit)];
+  return kUnits[int(unit)];
 }
 
 /// Names of a part's parameters, in ξ's order, with units.
@@ -55,11 +55,10 @@ void bind_tables(nb::module_& m) {
                            "unit"_a = text(of.unit), "mounting"_a = vectors);
   }
   for (const LawProperties& of : kLawTable)
-    laws[of.name] =
-        row("law"_a = static_cast<int>(of.law), "weighs"_a = of.weighs, "sensed"_a = of.sensed);
+    laws[of.name] = row("law"_a = int(of.law), "weighs"_a = of.weighs, "sensed"_a = of.sensed);
   for (const FaultProperties& of : kFaultTable)
-    faults[of.name] = row("kind"_a = static_cast<int>(of.kind), "size"_a = of.size,
-                          "lasts"_a = of.lasts, "at_rest"_a = of.at_rest, "pair"_a = of.pair);
+    faults[of.name] = row("kind"_a = int(of.kind), "size"_a = of.size, "lasts"_a = of.lasts,
+                          "at_rest"_a = of.at_rest, "pair"_a = of.pair);
   for (const auto& of : kCauseTable) causes.append(of.name);
   m.attr("sensor_kinds") = sensors;
   m.attr("laws") = laws;
@@ -98,8 +97,8 @@ void require(Outcome outcome) {
 }
 /// ξ of a finished robot; of another one, columns may be out of bounds.
 std::size_t parameters_of(const Robot& robot) {
-  require({robot.finished ? Status::ok : Status::unfinished, -1});
-  return static_cast<std::size_t>(parameter_count(robot));
+  require({robot.finished ? Status::ok : Status::unfinished});
+  return std::size_t(parameter_count(robot));
 }
 
 /// J_x at home: a row for each chain, or at the full level for each rod of the free platform; 0
@@ -113,7 +112,7 @@ RowMatrix rod_rows(const Robot& robot, bool full) {
       full ? full_rows(robot, rows) : ikm(robot, to_pose(robot.mobility, robot.home), closure);
   for (int i = 0; i < result.rows() && outcome; ++i)
     if (full)
-      std::copy_n(rows[i].begin(), result.cols(), result[i]);
+      copy_first(result.cols(), rows[i], result[i]);
     else
       jx_row(closure.carried, closure.chain[i].v, closure.chain[i].lever, result[i]);
   return result;
@@ -170,7 +169,7 @@ void bind_robot(nb::module_& m) {
              engine::Position at;
              at.y = of.home;
              engine::place(of, at);
-             for (int i = 0; i < of.closures; ++i)
+             for (int i : range(of.closures))
                if (const int leg = of.closure[i].driven; leg >= 0 && of.home[leg] == 0)
                  of.home[leg] = (at.A[i] - at.B[i]).norm();
            })
@@ -179,12 +178,12 @@ void bind_robot(nb::module_& m) {
              const engine::Mechanism& of = robot.mechanism;
              engine::Position at;
              at.y = of.home;
-             std::copy_n(robot.home.begin(), of.coordinates, at.y.begin() + of.motors);
+             copy_first(of.coordinates, robot.home, at.y.begin() + of.motors);
              const engine::Check found = engine::check(of, at);
              std::vector<double> gap;
              for (int i = 0; i < of.closures && found.flaw == engine::Flaw::open; ++i)
                gap.push_back(engine::gap(of, at, i));
-             return nb::make_tuple(static_cast<int>(found.flaw), found.part, found.amount, gap);
+             return nb::make_tuple(int(found.flaw), found.part, found.amount, gap);
            })
       .def("finish", [](Robot& robot) {
         Outcome outcome = finish(robot);
@@ -201,9 +200,8 @@ nb::object type_of(const c::Table& table, std::size_t size) {
     for (const int extent : {field.rows, field.columns})
       if (extent > 0) shape.append(extent);
     constexpr const char* kNumbers[] = {"f8", "i4", "?"};
-    const nb::object number = field.table
-                                  ? type_of(*field.table, field.width)
-                                  : nb::object(nb::str(kNumbers[static_cast<int>(field.numbers)]));
+    const nb::object number = field.table ? type_of(*field.table, field.width)
+                                          : nb::object(nb::str(kNumbers[int(field.numbers)]));
     names.append(field.name), offsets.append(field.offset);
     formats.append(nb::make_tuple(number, nb::tuple(shape)));
   }

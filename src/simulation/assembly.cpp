@@ -5,39 +5,36 @@ namespace truepose {
 std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, std::uint64_t seed) {
   const Mobility mobility = robot.mobility;
   Vec3 low(-INFINITY, -INFINITY, -INFINITY), high = -low;
-  for (int i = 0; i < robot.motors; ++i) {
+  for (int i : range(robot.motors)) {
     const Chain& chain = robot.chain[i];
     const Driven driven = driven_point(chain, q[i]);
     const Vec3 centre = chain.base + driven.p - chain.anchor;
     const Real reach = driven.rod + chain.pivot.norm();
-    for (int axis = 0; axis < 3; ++axis) {
-      low[axis] = std::max(low[axis], centre[axis] - reach);
-      high[axis] = std::min(high[axis], centre[axis] + reach);
+    for (int axis : range(3)) {
+      low[axis] = max(low[axis], centre[axis] - reach);
+      high[axis] = min(high[axis], centre[axis] + reach);
     }
   }
   std::mt19937_64 generator(seed);
-  const auto uniform = [&] { return static_cast<double>(generator() >> 11) * 0x1p-53; };
+  const auto uniform = [&] { return double(generator() >> 11) * 0x1p-53; };
   const Pose home = to_pose(robot.mobility, robot.home);
-  std::vector<Pose> starts(static_cast<std::size_t>(count) + 1, home);
+  std::vector<Pose> starts(std::size_t(count) + 1, home);
   for (auto start = starts.begin() + 1; start != starts.end(); ++start) {
     if (is_rotational(mobility)) {  // angles, uniform over a whole turn
-      for (int axis = 0; axis < dof(mobility); ++axis)
-        start->D[axis] = std::numbers::pi * (2 * uniform() - 1);
+      for (int axis : range(dof(mobility))) start->D[axis] = kPi * (2 * uniform() - 1);
       continue;
     }
-    for (int axis = 0; axis < 3; ++axis)
-      start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
+    for (int axis : range(3)) start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
     if (mobility == Mobility::planar || mobility == Mobility::planar_translation)
       start->D.z() = home.D.z();
     if (turns_about_z(mobility)) {
-      start->theta = std::numbers::pi * (2 * uniform() - 1);
+      start->theta = kPi * (2 * uniform() - 1);
       start->R = rotation_z(start->theta);
     } else if (mobility == Mobility::spatial) {  // uniform on the sphere of quaternions
-      const double part = uniform(), a = 2 * std::numbers::pi * uniform(),
-                   b = 2 * std::numbers::pi * uniform();
-      const double r = std::sqrt(1 - part), s = std::sqrt(part);
-      const double w = s * std::cos(b);
-      const Vec3 v(r * std::sin(a), r * std::cos(a), s * std::sin(b));
+      const double part = uniform(), a = 2 * kPi * uniform(), b = 2 * kPi * uniform();
+      const double r = sqrt(1 - part), s = sqrt(part);
+      const double w = s * cos(b);
+      const Vec3 v(r * sin(a), r * cos(a), s * sin(b));
       start->R = rodrigues(w * w - v.squaredNorm(), 2 * w * v, 2 * v, v);
     }
   }
@@ -47,11 +44,10 @@ std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, s
 std::vector<AssemblyMode> distinct_modes(const Robot& robot, std::vector<Pose> found) {
   if (is_rotational(robot.mobility))
     for (Pose& pose : found)
-      for (int axis = 0; axis < dof(robot.mobility); ++axis)
-        pose.D[axis] = std::remainder(pose.D[axis], 2 * std::numbers::pi);
+      for (int axis : range(dof(robot.mobility))) pose.D[axis] = remainder(pose.D[axis], 2 * kPi);
   const auto apart = [](const Pose& a, const Pose& b) {
     const Vec3 D = a.D - b.D;
-    return std::max({std::fabs(D.x()), std::fabs(D.y()), std::fabs(D.z()), (a.R - b.R).norm()});
+    return max({fabs(D.x()), fabs(D.y()), fabs(D.z()), (a.R - b.R).norm()});
   };
   // A projection on unit vectors in which distinct modes are unlikely to coincide.
   const auto along = [](const Pose& at) {

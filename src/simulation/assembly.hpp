@@ -1,8 +1,6 @@
 // Assembly modes: all poses for the same motor positions, by searches from many random poses.
 #pragma once
 
-#include <algorithm>
-#include <numbers>
 #include <random>
 #include <vector>
 

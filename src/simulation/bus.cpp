@@ -12,8 +12,7 @@ std::uint32_t Bus::deliver(int motors, Extended& q_e) {
   for (int k = 0; k < kMaxSensors && motors + k < kMaxReadings; ++k) {
     if (!settings_.is(k)) continue;
     if (arrived & bit(k))
-      held_[motors + k] =
-          was_[at(std::max<std::int64_t>(0, cycle_ - settings_.age[k]))][motors + k];
+      held_[motors + k] = was_[at(max<std::int64_t>(0, cycle_ - settings_.age[k]))][motors + k];
     q_e[motors + k] = held_[motors + k];
   }
   ++cycle_;

@@ -16,7 +16,7 @@ class Bus {
   std::uint32_t deliver(int motors, Extended& q_e);
 
  private:
-  static std::size_t at(std::int64_t cycle) { return static_cast<std::size_t>(cycle) & kOldest; }
+  static std::size_t at(std::int64_t cycle) { return std::size_t(cycle) & kOldest; }
 
   MultirateSettings settings_;
   std::int64_t cycle_ = 0;

@@ -3,8 +3,6 @@
 // Thermal growth, eccentric encoders and quantization are parameters of the true robot.
 #pragma once
 
-#include <algorithm>
-
 #include "control/supervisor.hpp"
 #include "simulation/plant.hpp"
 

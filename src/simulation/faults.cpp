@@ -8,7 +8,7 @@ FaultyReadings::FaultyReadings(const std::vector<Fault>& faults, double period, 
 }
 
 void FaultyReadings::make_faulty(double time, Extended& q_e) {
-  for (State& state : state_) lie(time, state, q_e);
+  for (State& state : state_) apply(time, state, q_e);
 }
 
 bool FaultyReadings::frozen(double time) const {
@@ -19,7 +19,7 @@ bool FaultyReadings::frozen(double time) const {
 double FaultyReadings::amplification() const {
   double most = 1;
   for (const State& state : state_)
-    if (state.fault.kind == FaultKind::gain) most *= std::max(1.0, std::fabs(state.fault.size));
+    if (state.fault.kind == FaultKind::gain) most *= max(1.0, fabs(state.fault.size));
   return most;
 }
 
@@ -27,7 +27,7 @@ bool FaultyReadings::acts(double time, const Fault& fault) {
   return time >= fault.begin - kClock && time < fault.end - kClock;
 }
 
-void FaultyReadings::lie(double time, State& state, Extended& q_e) {
+void FaultyReadings::apply(double time, State& state, Extended& q_e) {
   const Fault& fault = state.fault;
   const double healthy = q_e[fault.reading];
   double& read = q_e[fault.reading];
@@ -64,7 +64,7 @@ void FaultyReadings::lie(double time, State& state, Extended& q_e) {
       if (state.open == 0 && std::bernoulli_distribution(kOpens)(random_))
         state.open = std::uniform_int_distribution<int>(1, kOpen)(random_);
       if (state.open > 0) read = 0;
-      state.open = std::max(0, state.open - 1);
+      state.open = max(0, state.open - 1);
       break;
   }
 }
@@ -72,8 +72,7 @@ void FaultyReadings::lie(double time, State& state, Extended& q_e) {
 void FaultyReadings::remember(double healthy, State& state) const {
   if (state.past.empty()) {
     const double late = std::ceil(state.fault.size / period_ - 1e-6);  // in periods
-    state.past.assign(1 + static_cast<std::size_t>(std::clamp<double>(late, 0, kMostLate)),
-                      healthy);
+    state.past.assign(1 + std::size_t(clamp<double>(late, 0, kMostLate)), healthy);
   }
   state.newest = (state.newest + 1) % state.past.size();
   state.past[state.newest] = healthy;

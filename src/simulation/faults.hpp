@@ -1,7 +1,6 @@
 // Readings of faulty sensors.
 #pragma once
 
-#include <algorithm>
 #include <limits>
 #include <random>
 #include <vector>
@@ -58,7 +57,7 @@ inline constexpr std::array kFaultTable{
 static_assert(in_order(kFaultTable, &FaultProperties::kind));
 
 constexpr const FaultProperties& properties(FaultKind kind) {
-  return kFaultTable[static_cast<std::size_t>(kind)];
+  return kFaultTable[std::size_t(kind)];
 }
 
 /// One reading that is faulty for a time.
@@ -108,7 +107,7 @@ class FaultyReadings {
 
   static bool acts(double time, const Fault& fault);
 
-  void lie(double time, State& state, Extended& q_e);
+  void apply(double time, State& state, Extended& q_e);
 
   /// Records a reading; before the first one the robot was at rest.
   void remember(double healthy, State& state) const;

@@ -2,6 +2,9 @@
 #include "simulation/plant.hpp"
 
 namespace truepose {
+namespace {
+/// Derivative of the rotation vector u of R = exp(u) R₀ for the angular velocity ω (Munthe-Kaas):
+/// ω - [u,ω]/2 + [u,[u,ω]]/12, sufficient for order four. Identity for other mobilities.
 Coordinates tangent_rate(Mobility mobility, const Coordinates& u, const Coordinates& rate) {
   if (mobility != Mobility::spatial) return rate;
   const Vec3 turn(u[3], u[4], u[5]), omega(rate[3], rate[4], rate[5]);
@@ -9,7 +12,6 @@ Coordinates tangent_rate(Mobility mobility, const Coordinates& u, const Coordina
   return {rate[0], rate[1], rate[2], corrected[0], corrected[1], corrected[2]};
 }
 
-namespace {
 /// start + scale · slope, number by number.
 template <std::size_t N>
 std::array<double, N> along(std::array<double, N> start, double scale,
@@ -23,7 +25,7 @@ Outcome step(const Robot& truth, double h, PlantState& state, Rotors& y, const D
   constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
   Coordinates motion{}, change{}, velocity{}, acceleration{};
   Rotors dy{}, whole{};
-  for (int stage = 0; stage < 4; ++stage) {
+  for (int stage : range(4)) {
     const Coordinates u = along(Coordinates{}, h * node[stage], velocity);
     const Coordinates rate = along(state.rate, h * node[stage], acceleration);
     const Rotors at = along(y, h * node[stage], dy);
@@ -63,15 +65,9 @@ void spoil(const Robot& truth, Random& random, Extended& q_e) {
     if (sigma > 0) value += std::normal_distribution<double>(0, sigma)(random);
     return quantized(value, step);
   };
-  for (int i = 0; i < n; ++i)
+  for (int i : range(n))
     q_e[i] = spoilt(q_e[i], truth.chain[i].encoder_noise, truth.chain[i].encoder_step);
-  for (int k = 0; k < truth.r; ++k)
+  for (int k : range(truth.r))
     q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
-}
-
-Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {
-  const Outcome outcome = extended(level_of(truth), truth, pose, q_e);
-  if (outcome) spoil(truth, random, q_e);
-  return outcome;
 }
 }  // namespace truepose

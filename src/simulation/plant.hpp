@@ -14,10 +14,6 @@ struct PlantState {
   Coordinates rate{};
 };
 
-/// Derivative of the rotation vector u of R = exp(u) R₀ for the angular velocity ω (Munthe-Kaas):
-/// ω - [u,ω]/2 + [u,[u,ω]]/12, sufficient for order four. Identity for other mobilities.
-Coordinates tangent_rate(Mobility mobility, const Coordinates& u, const Coordinates& rate);
-
 /// Motors' elastic rotors: angles, then from n on their rates.
 using Rotors = std::array<double, 2 * kMaxMotors>;
 
@@ -44,7 +40,4 @@ using Random = std::mt19937_64;
 
 /// Converts exact readings to real ones: adds Gaussian noise, then quantizes.
 void spoil(const Robot& truth, Random& random, Extended& q_e);
-
-/// Computes the encoder readings of the true robot: its geometry, offsets, gains, noise and counts.
-Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e);
 }  // namespace truepose

@@ -15,7 +15,7 @@ Loop::Loop(const Robot& nominal, const Robot& truth, const ControlSettings& sett
 }
 
 Outcome Loop::move(const Run& run, const Write& write) {
-  const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
+  const int periods = int(std::lround((run.duration + run.hold) / settings_.period));
   return follow(
       periods, run.steps,
       [&](double k) {
@@ -35,10 +35,10 @@ Outcome Loop::follow(int periods, int steps, const Path& path, const Write& writ
       return outcome;
     }
   }
-  for (int k = 0; k <= periods; ++k) {
+  for (int k : range(periods + 1)) {
     const double time = k * settings_.period;
-    const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
-                                              : path(static_cast<double>(k));
+    const Setpoint setpoint =
+        clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period)) : path(double(k));
     const bool late = extras_.effects.delayed && control_.started;  // torques
     const Joint before = torque();
     Outcome outcome = run_cycle(plant_, time, setpoint, cycle);
@@ -72,17 +72,17 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
   if (!outcome) return outcome;
   if (extras_.faults) extras_.faults->make_faulty(extras_.began + time, q_e);
   const bool slow = extras_.late;
-  OnlineCalibrator* const learner = extras_.learner;
+  OnlineCalibrator* const calibrator = extras_.calibrator;
   const bool monitored = extras_.fault_settings && !extras_.law;
   if (extras_.bus) late_.arrived = bus_.deliver(nominal_.motors, q_e);
   Extended present = q_e;
   const Weighing weighing = slow && !monitored
                                 ? compensated(nominal_, extras_.weighing, late_, known_, present)
                                 : extras_.weighing;
-  const bool learns = learner && time >= 0;
+  const bool calibrates = calibrator && time >= 0;
   cycle.gave_up =  // a row that fits no pose is skipped
-      learns && !monitored && calibrate_online(*learner, present).status == Status::stopped;
-  const Robot& believed = learner ? learner->robot : nominal_;
+      calibrates && !monitored && calibrate_online(*calibrator, present).status == Status::stopped;
+  const Robot& believed = calibrator ? calibrator->robot : nominal_;
   Multirate* const late = slow ? &late_ : nullptr;
   if (extras_.guard)
     outcome = run_guarded(believed, time, setpoint, monitored ? q_e : present,
@@ -97,10 +97,10 @@ Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cyc
                                      control_, extras_.monitor_weighing, fault_state_, late);
   } else
     outcome = control(believed, settings_, setpoint, present, control_, weighing);
-  if (learns && monitored) {
-    for (int k = 0; k < nominal_.r; ++k)
+  if (calibrates && monitored) {
+    for (int k : range(nominal_.r))
       if (late_.is(k)) present[nominal_.motors + k] = late_.present[k];
-    cycle.gave_up = learn_monitored(*learner, present);
+    cycle.gave_up = calibrate_monitored(*calibrator, present);
   }
   if (!extras_.law) control_.started = control_.started || outcome;
   cycle.status = outcome.status;
@@ -114,7 +114,7 @@ Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint
   if (!outcome) return outcome;
   const Joint error = extras_.law(setpoint.x, q_e);
   Extended shown{};
-  for (int i = 0; i < nominal_.motors; ++i) shown[i] = q[i] - error[i];
+  for (int i : range(nominal_.motors)) shown[i] = q[i] - error[i];
   return control(believed, settings_, setpoint, shown, control_);
 }
 
@@ -169,20 +169,20 @@ Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) 
     sample.force = report.force;
     sample.refused = report.refused;
   }
-  for (int c = 0; c < nominal_.motors + nominal_.r; ++c) {
+  for (int c : range(nominal_.motors + nominal_.r)) {
     sample.health[c] = fault_state_.monitor.reading[c].health;
     sample.symptom[c] = fault_state_.monitor.reading[c].symptom;
   }
   return sample;
 }
 
-bool Loop::learn_monitored(OnlineCalibrator& learner, const Extended& q_e) {
+bool Loop::calibrate_monitored(OnlineCalibrator& calibrator, const Extended& q_e) {
   const FaultMonitor& monitor = fault_state_.monitor;
   const bool valid = std::ranges::all_of(monitor.reading, [](const MonitoredReading& reading) {
     return reading.health == Health::valid;
   });
-  if (valid) return calibrate_online(learner, q_e).status == Status::stopped;
-  if (monitor.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
-  return learner.state.doubt.stopped;
+  if (valid) return calibrate_online(calibrator, q_e).status == Status::stopped;
+  if (monitor.changed) control_.switched = bool(roll_back(calibrator)) || control_.switched;
+  return calibrator.state.test.stopped;
 }
 }  // namespace truepose

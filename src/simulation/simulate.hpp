@@ -48,11 +48,11 @@ using OwnLaw = std::function<Joint(const Coordinates& x_d, const Extended&)>;
 
 /// Optional parts of a loop.
 struct Extras {
-  Weighing weighing{};                  ///< for the laws `weighted` and `estimated`
-  Effects effects{};                    ///< effects that the model omits
-  OnlineCalibrator* learner = nullptr;  ///< enables online calibration
-  FaultyReadings* faults = nullptr;     ///< the loop then goes on without an answer, as machines do
-  double began = 0;                     ///< start time of the loop on the faults' clock, s
+  Weighing weighing{};                     ///< for the laws `weighted` and `estimated`
+  Effects effects{};                       ///< effects that the model omits
+  OnlineCalibrator* calibrator = nullptr;  ///< enables online calibration
+  FaultyReadings* faults = nullptr;  ///< the loop then goes on without an answer, as machines do
+  double began = 0;                  ///< start time of the loop on the faults' clock, s
   const FaultTolerantSettings* fault_settings = nullptr;  ///< enables fault-tolerant control
   Weighing monitor_weighing{};                            ///< weights of the fault monitor
   const MultirateSettings* bus = nullptr;                 ///< multirate sensors of the true robot,
@@ -118,7 +118,7 @@ class Loop {
 
   /// Calibrates online while all readings are valid. If one has failed, its latest rows are rolled
   /// back, which changes the calibrated robot.
-  bool learn_monitored(OnlineCalibrator& learner, const Extended& q_e);
+  bool calibrate_monitored(OnlineCalibrator& calibrator, const Extended& q_e);
 
   const Robot& nominal_;
   ControlSettings settings_;

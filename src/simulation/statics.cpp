@@ -23,11 +23,11 @@ class Loaded {
       feed_ = inverse_dynamics(model, J, Coordinates{});
     RowMatrix stiffness(m, m), K(m, n);
     const auto M_q = joint_inertia(model, J);
-    for (int i = 0; i < m; ++i) std::ranges::copy_n(reference.jacobians.jx[i].begin(), n, K[i]);
-    for (int i = 0; i < m; ++i)
-      for (int j = 0; j < n; ++j) K(i, j) /= reference.jacobians.jq[i];
-    for (int i = 0; i < m; ++i)
-      for (int j = 0; j < m; ++j)
+    for (int i : range(m)) std::ranges::copy_n(reference.jacobians.jx[i].begin(), n, K[i]);
+    for (int i : range(m))
+      for (int j : range(n)) K(i, j) /= reference.jacobians.jq[i];
+    for (int i : range(m))
+      for (int j : range(m))
         if (settings.gains == Gains::inertia)
           stiffness(i, j) = model.slope[i] * M_q[i][j] * settings.kp[j];
         else if (i == j)
@@ -37,17 +37,17 @@ class Loaded {
       yield_ = K * (singular_values(transposed(K) * (stiffness * K)).inverse() * transposed(K));
     RowMatrix follows(m, m);  // ∂τ_hold/∂q
     constexpr double kStep = 1e-5;
-    for (int j = 0; j < m; ++j) {
+    for (int j : range(m)) {
       Joint torque[2];
       bool both = true;
       for (const double side : {-1.0, 1.0}) {
         Coordinates step{};
-        for (int i = 0; i < n; ++i) step[i] = side * kStep * J[i][j];
+        for (int i : range(n)) step[i] = side * kStep * J[i][j];
         both = hold(nominal, moved(nominal.mobility, reference.closure.pose, step),
                     torque[side > 0]) &&
                both;
       }
-      for (int i = 0; i < m; ++i)  // at the edge of the workspace: 0
+      for (int i : range(m))  // at the edge of the workspace: 0
         follows(i, j) = both ? (torque[1][i] - torque[0][i]) / (2 * kStep) : 0;
     }
     newton_ = singular_values(sum(RowMatrix::identity(m), yield_ * follows)).inverse();
@@ -57,9 +57,9 @@ class Loaded {
   /// Replaces ê_q by the motors' step that balances ê_q + kp⁻¹ (τ_ff - τ_hold).
   void relieve(const Joint& load, Joint& error) const {
     std::vector<double> lack(m);
-    for (int i = 0; i < m; ++i) lack[i] = feed_[i] - load[i];
+    for (int i : range(m)) lack[i] = feed_[i] - load[i];
     lack = yield_ * lack;
-    for (int i = 0; i < m; ++i) lack[i] += error[i];
+    for (int i : range(m)) lack[i] += error[i];
     std::ranges::copy(newton_ * lack, error.begin());
   }
 
@@ -91,8 +91,8 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
   double last = INFINITY;
   // The steps follow the robot's own approach, so a fault that reverses the feedback has no
   // equilibrium. One that overstates the motion must not overshoot.
-  const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
-  const int iterations = static_cast<int>(most * kSettleIterations);
+  const double most = faults ? min(faults->amplification(), kMostAmplified) : 1;
+  const int iterations = int(most * kSettleIterations);
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Extended q_e{};
     Joint load{};
@@ -100,7 +100,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     if (outcome && settings.gravity) outcome = hold(truth, pose, load);
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
-    for (int c = 0; c < readings(truth); ++c) q_e[c] += off[c];
+    for (int c : range(readings(truth))) q_e[c] += off[c];
     if (faults) faults->make_faulty(0, q_e);
     Joint error{};
     Pose found;
@@ -109,12 +109,11 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     if (settings.gravity) loaded.relieve(load, error);
     Coordinates step{};
     double size = 0;
-    for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < nominal.motors; ++j)
-        step[i] += reference.jacobians.J[i][j] * error[j] / most;
-      size = std::max(size, std::fabs(step[i]));
+    for (int i : range(n)) {
+      for (int j : range(nominal.motors)) step[i] += reference.jacobians.J[i][j] * error[j] / most;
+      size = max(size, fabs(step[i]));
     }
-    if (!all_finite(step, n)) return {Status::not_finite, -1};
+    if (!all_finite(step, n)) return {Status::not_finite};
     pose = moved(nominal.mobility, pose, step);
     // Linear convergence: stop at rounding, or where small steps no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {
@@ -123,7 +122,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     }
     last = size;
   }
-  return {Status::not_converged, -1};
+  return {Status::not_converged};
 }
 
 Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
@@ -136,7 +135,7 @@ Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& 
   if (!outcome) return outcome;
   leak = {};
   const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
-  for (int c = 0; c < m + robot.r; ++c) {
+  for (int c : range(m + robot.r)) {
     if (of_pose) {
       Coordinates change[2];
       for (const double side : {-1.0, 1.0}) {
@@ -149,12 +148,12 @@ Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& 
         if (!there) return there;
         change[side > 0] = difference(robot.mobility, found, reference.pose);
       }
-      for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
+      for (int i : range(n)) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
     } else if (properties(law).corrects == Corrects::motors) {
       for (int i = 0; i < n && c < m; ++i) leak[i][c] = -reference.jacobians.J[i][c];
     } else {
-      for (int i = 0; i < n; ++i)
-        for (int j = 0; j < m; ++j) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
+      for (int i : range(n))
+        for (int j : range(m)) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
     }
   }
   return {};

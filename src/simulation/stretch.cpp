@@ -33,7 +33,7 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
     engine::add_line(m, at, body, engine::line_through(point, force), 1, weight);
   };
   hang(load.force, built.platform, platform.p);
-  for (int k = 0; k < robot.bodies; ++k) {
+  for (int k : range(robot.bodies)) {
     const Body& body = robot.body[k];
     int carrier = built.platform;
     for (int i = 0; i < m.motors && body.bar >= 0; ++i)
@@ -42,13 +42,13 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
     hang(body.mass * robot.gravity, carrier,
          platform.p + platform.R * body.pivot + at.frame[carrier].R * anchor);
   }
-  for (int rod = 0; rod < m.closures; ++rod) {
+  for (int rod : range(m.closures)) {
     const int i = rod / per;
     hang(0.5 / per * robot.chain[i].rod_mass * robot.gravity, built.bar[i], at.A[rod]);
     const engine::Row row = engine::row(m, at, rod);
     length[rod] = (at.A[rod] - at.B[rod]).norm();
     by_motor[rod] = row[i] / length[rod];
-    for (int j = 0; j < freedoms; ++j) G[rod][j] = -row[m.motors + j] / length[rod];
+    for (int j : range(freedoms)) G[rod][j] = -row[m.motors + j] / length[rod];
   }
   const auto w = weight.begin() + m.motors;
   // Of redundant motors the torques are the smallest (Jacobians), by_reading T + own.
@@ -57,19 +57,19 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
     const Driven driven = driven_point(robot.chain[i], q[i]);
     by_reading[i] = by_motor[i] * driven.rate;
     own[i] = weight_of_arm(robot, robot.chain[i], driven.dB);
-    for (int j = 0; j < freedoms; ++j) w[j] -= own[i] * (G[i][j] /= by_reading[i]);
+    for (int j : range(freedoms)) w[j] -= own[i] * (G[i][j] /= by_reading[i]);
   }
-  if (!held(G, {w, w + freedoms}, T)) return {Status::singular, -1};
-  for (int i = 0; i < m.motors; ++i) {
+  if (!held(G, {w, w + freedoms}, T)) return {Status::singular};
+  for (int i : range(m.motors)) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     double* of = T.data() + per * i;
     if (overdriven(robot)) *of = (*of - own[i]) / by_reading[i];
     const double sum = per == 1 ? of[0] : of[0] + of[1];
-    pull.tension[i] = std::isnan(load.tension[i]) ? sum : load.tension[i];
+    pull.tension[i] = isnan(load.tension[i]) ? sum : load.tension[i];
     pull.rate[i] = driven.rate;
     pull.torque[i] = weight_of_arm(robot, robot.chain[i], driven.dB) / driven.rate;
     pull.length[i] = pull.difference[i] = 0;
-    for (int side = 0; side < per; ++side) {
+    for (int side : range(per)) {
       const double tension = of[side] + (pull.tension[i] - sum) / per;
       const double growth = tension * length[per * i + side];
       pull.torque[i] += tension * by_motor[per * i + side];
@@ -82,7 +82,7 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
 }  // namespace
 
 Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by) {
-  if (!robot.finished) return {Status::unfinished, -1};
+  if (!robot.finished) return {Status::unfinished};
   FullClosure at;
   if (level == Level::full && robot.full.own()) {
     const Outcome outcome = ikm(robot, pose, at);
@@ -106,7 +106,7 @@ Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Join
   // A leg's length is its motor's: growth at the same reading acts like an offset.
   const auto telescopic = [&](int i) { return robot.chain[i].actuator == Actuator::telescopic; };
   Robot longer = robot;
-  for (int i = 0; i < n; ++i) {
+  for (int i : range(n)) {
     Chain& chain = longer.chain[i];
     const double length = compliance[i] * by.length[i];
     (telescopic(i) ? chain.encoder_offset : chain.rod) +=
@@ -120,12 +120,12 @@ Outcome under_load(Level level, const Robot& robot, const Pose& pose, const Join
   outcome = linearise(level, longer, pose, result.q_e, H_x, H_xi);
   if (!outcome) return outcome;
   result.tension = by.tension;
-  for (int c = 0; c < n + robot.r; ++c) {
+  for (int c : range(n + robot.r)) {
     const double* H = H_xi + c * parameter_count(robot);
     const auto along = [&](int i, ChainParameter parameter) {
-      return H[chain_column(i) + static_cast<int>(parameter)];
+      return H[chain_column(i) + int(parameter)];
     };
-    for (int i = 0; i < n; ++i)
+    for (int i : range(n))
       result.by_compliance[c][i] =
           (telescopic(i) ? along(i, ChainParameter::encoder_offset) * by.length[i] / by.rate[i]
                          : along(i, ChainParameter::rod) * by.length[i]) +

@@ -25,19 +25,12 @@ Prior::Prior(const Robot& robot) {
 }
 
 OnlineCalibrator Prior::learner(const Robot& robot) {
-  xi_.resize(parameter_count(robot));
-  if (!drawn_parameters(robot, xi_.data())) std::printf("a robot that is not finished learns\n");
-  filter_.resize(online_work(robot, known_.count));
+  filter_.resize(online_memory(robot, known_.count));
   drift_.assign(2 * known_.count, 1e-7);
   OnlineCalibrator learner;
-  learner.drawn = &robot;
-  learner.settings = {2, drift_.data()};
-  kept_.resize(online_kept(known_.count));
-  learner.state = {known_.count, column_.data(), xi_.data(), root_.data(), known_.sigma, 0,
-                   kept_.data()};
-  learner.work = filter_.data();
-  learner.robot = robot;
-  learner.pose = to_pose(robot.mobility, robot.home);
+  if (!start(robot, known_, filter_.data(), learner))
+    std::printf("a robot that is not finished learns\n");
+  learner.settings.changes.drifts = 2, learner.settings.changes.drift = drift_.data();
   return learner;
 }
 
@@ -51,14 +44,9 @@ OnlineCalibrator Prior::follower(const Robot& robot) {
     step_[k * p + k] = 50 * known_.root[k * p + k];
     end_[k] = k + 1;
   }
-  learner.settings.changes = {p, step_.data(), p, end_.data(), odds_.data()};
-  memory_.resize(window_memory(robot, p, learner.settings.changes));
-  window_ = {};
-  lay_out(robot, p, learner.settings.changes, memory_.data(), window_);
-  window_.sigma = learner.state.sigma;
-  learner.state.window = &window_;
-  used_ = xi_;
-  learner.in_use = used_.data();
+  const ChangeSettings changes{p, p, 2, -1, step_.data(), end_.data(), odds_.data(), drift_.data()};
+  memory_.resize(follow_memory(learner, changes));
+  follow(changes, memory_.data(), window_, learner);
   return learner;
 }
 

@@ -49,7 +49,7 @@ class Prior {
 
  private:
   std::vector<int> column_;
-  std::vector<double> root_, work_, xi_, filter_, kept_, drift_, step_, odds_, memory_, used_;
+  std::vector<double> root_, work_, filter_, drift_, step_, odds_, memory_;
   std::vector<std::int32_t> end_;
   Window window_;
   Knowledge known_;

@@ -461,10 +461,9 @@ TEST_EACH(for_each, "a follower in C recognises what the core's does") {
                                              memory.size()),
              {}));
   OnlineCalibrator core = twin.follower(robot);
-  core.settings.drifts = 0;
+  core.settings.changes.drifts = 0;
   const ChangeSettings& settings = core.settings.changes;
-  const truepose_changes changes{settings.count, settings.sets,     0,       -1, settings.step,
-                                 settings.end,   settings.log_odds, nullptr, {}, {}};
+  const auto changes = std::bit_cast<truepose_changes>(settings);
   truepose_changes wrong = changes;
   ++wrong.steps;
   CHECK(truepose_online_calibrator_follow_memory(&learner, &wrong) == 0);

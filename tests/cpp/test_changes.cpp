@@ -70,13 +70,13 @@ TEST_EACH(for_each_model,
           "a motor that is homed anew is recognised, and no machine that is as before") {
   Scene same(mechanism, 81, level);
   same.work(200);
-  CHECK(same.window().recognised == 0 && !same.learner.state.doubt.stopped);
+  CHECK(same.window().recognised == 0 && !same.learner.state.test.stopped);
 
   Scene scene(mechanism, 82, level);
   if (motors > n) return;  // whose redundant motors tell it from the first row
   scene.home();
   scene.work(150);
-  CHECK(!scene.learner.state.doubt.stopped);
+  CHECK(!scene.learner.state.test.stopped);
   CHECK(scene.window().recognised >= 1 && scene.news().kind == ChangeKind::part);
   const long left_out = scene.learner.left_out;
   scene.work(40);  // its rows agree now
@@ -124,7 +124,7 @@ TEST("the reported change is the likeliest of the kind that is decided") {
   constexpr int kSets = 3, kReadings = 2;
   const std::int32_t end[]{1, 2, 3};
   const double odds[]{0, 0, 0}, step[kSets]{};
-  const ChangeSettings changes{kSets, step, kSets, end, odds};
+  const ChangeSettings changes{kSets, kSets, 0, -1, step, end, odds};
   constexpr int kSteps = kSets + 2 * kReadings, kWidest = 2;
   std::vector<double> z(kSteps, 0), product(kSteps * kWidest, 0), scratch(64), share(kSets, 0);
   Window window;
@@ -169,7 +169,7 @@ TEST_EACH(for_each, "a fault that goes on is reported once") {
   for (long k = before + 1; k < window.recognised; ++k)
     CHECK(window.news[k].kind != window.news[k - 1].kind ||
           window.news[k].which != window.news[k - 1].which);
-  CHECK(scene.learner.state.doubt.stopped);
+  CHECK(scene.learner.state.test.stopped);
 }
 
 TEST_EACH(for_each, "after a roll-back in a second pass rows are linearised at the filter") {

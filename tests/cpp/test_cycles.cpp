@@ -19,7 +19,7 @@ void for_each_at_work(F&& f) {
 }
 
 /// The last cycle's search for x̂: its state, and the steps that the cycle has taken.
-const Ongoing& search_of(const ControlState& state) { return state.nearby.search; }
+const PoseSearch& search_of(const ControlState& state) { return state.nearby.search; }
 int steps_of(const ControlState& state) { return kCycleSteps - search_of(state).left; }
 
 }  // namespace

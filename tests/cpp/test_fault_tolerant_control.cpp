@@ -259,11 +259,11 @@ TEST_EACH(for_each, "a learner goes back to before the lines of a reading that h
   }
   CHECK(roll_back(learner));
   const std::vector<double> now = xi();
-  CHECK(std::find(past.end() - 2 * kEvery, past.end(), now) != past.end());
+  CHECK(std::find(past.end() - 2 * kSavePeriod, past.end(), now) != past.end());
   Robot known = robot;
   CHECK(set_parameters(robot, now.data(), known));
   for (int i = 0; i < motors; ++i) CHECK(learner.robot.chain[i].rod == known.chain[i].rod);
-  CHECK(learner.state.doubt.evidence == 0);
+  CHECK(learner.state.test.cusum == 0);
 }
 
 TEST_EACH(for_each,
@@ -278,7 +278,7 @@ TEST_EACH(for_each,
     prepare(fault_settings.monitor);
     FaultyReadings faults({{kind, 0, 0, 0.3, 0.06}}, settings.period);
     Extras extras{prior.weighing()};
-    extras.learner = &learner;
+    extras.calibrator = &learner;
     extras.faults = &faults;
     extras.fault_settings = &fault_settings;
     extras.monitor_weighing = prior.weighing();

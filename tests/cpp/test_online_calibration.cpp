@@ -26,7 +26,7 @@ class Scene {
     for (int k = 0; k < known.count; ++k)
       xi[known.column[k]] += off * known.root[k * known.count + k] * random_();
     CHECK(set_parameters(robot, xi.data(), truth));
-    learner_.settings.drifts = 0;
+    learner_.settings.changes.drifts = 0;
     learner_.fresh = 0;
   }
   OnlineCalibrator& learner() { return learner_; }
@@ -176,7 +176,7 @@ TEST_EACH(for_each_model, "a line that nothing explains teaches nothing") {
   CHECK(outcome.status == Status::disagree && outcome.chain == -1);
   CHECK(scene.mean() == mean && scene.covariance() == P);
   for (int cycle = 0; cycle < 100; ++cycle) CHECK(calibrate_online(level, scene.learner(), q_e));
-  CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
+  CHECK(!scene.state().test.stopped);  // at rest a bad line is no news
 }
 
 TEST_EACH(for_each_model,
@@ -196,7 +196,7 @@ TEST_EACH(for_each_model,
     status = calibrate_online(level, scene.learner(), q_e).status;
   }
   CHECK(status == Status::stopped && lines <= 10);
-  CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == n + 1);
+  CHECK(scene.state().test.suspect == -1 || scene.state().test.suspect == n + 1);
   const Eigen::VectorXd kept = scene.mean();
   bool earlier = false;
   for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
@@ -212,8 +212,8 @@ TEST("random walks take their turns, and all that each would have walked meanwhi
   reference::Rows drift(walks, p);
   for (int w = 0; w < walks; ++w)
     for (int k = 0; k < p; ++k) drift(w, k) = 1e-5 * scene.random()();
-  scene.learner().settings.drifts = walks;
-  scene.learner().settings.drift = drift.data();
+  scene.learner().settings.changes.drifts = walks;
+  scene.learner().settings.changes.drift = drift.data();
   const reference::Rows before = scene.covariance();
   for (int k = 0; k < walks * rounds; ++k)
     CHECK(calibrate_online(scene.learner(), scene.read(Level::ideal, mechanism.robot.home)));

@@ -11,7 +11,7 @@ class Scene {
   explicit Scene(const Mechanism& mechanism)
       : truth(mechanism.robot), prior_(mechanism.robot), learner(prior_.learner(mechanism.robot)) {
     for (int i = 0; i < truth.motors; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
-    learner.settings.drifts = 0;
+    learner.settings.changes.drifts = 0;
   }
   /// The true robot's readings at a pose; the first motor's `more` further.
   Extended read(const Coordinates& x, double more = 0) const {

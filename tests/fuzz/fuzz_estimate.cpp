@@ -48,11 +48,11 @@ void check_learner(Level level, Bytes& bytes, const Subject& subject, mechanisms
     const std::vector<double> xi = all(learner.state.xi, width),
                               root = all(learner.state.root, p * p);
     const long lines = learner.lines;
-    const bool gave_up = learner.state.doubt.stopped;
+    const bool gave_up = learner.state.test.stopped;
     const Outcome outcome = calibrate_online(level, learner, decode_readings(bytes, subject));
     // It learns from a line less the reading that it blames; where it gives up, it goes back.
     const bool blames = outcome.status == Status::disagree && outcome.chain >= 0;
-    const bool gives_up = learner.state.doubt.stopped != gave_up;
+    const bool gives_up = learner.state.test.stopped != gave_up;
     if ((!outcome || learner.lines == lines) && !blames && !gives_up)
       require(xi == all(learner.state.xi, width) && root == all(learner.state.root, p * p),
               "learner: a line that is left out changes nothing");

@@ -272,7 +272,7 @@ class OnlineCalibrator:
         >>> online.stopped, online.lines
         ('after 56 lines: readings keep disagreeing; theta alone would explain it', 50)
         """
-        if not (test := self._filter.doubt).stopped:
+        if not (test := self._filter.residual_test).stopped:
             return None
         said = f"after {test.lines} lines: readings keep disagreeing"
         if test.suspect >= 0:

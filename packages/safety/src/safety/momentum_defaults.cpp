@@ -6,8 +6,8 @@ Outcome default_momentum(const Robot& robot, const ControlSettings& settings,
                          MomentumSettings& momentum) {
   momentum = {};
   momentum.period = 0;
-  safety_detail::AtHome home;
-  const Outcome outcome = home.find(robot);
+  AtRest home;
+  const Outcome outcome = home.find(robot, to_pose(robot.mobility, robot.home));
   if (!outcome) return outcome;
   for (int i = 0; i < robot.motors; ++i) {
     const Chain& chain = robot.chain[i];
