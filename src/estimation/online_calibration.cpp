@@ -52,7 +52,9 @@ struct Cycle {
   RowsOfPose H_x{};    ///< whitened
   Innovations made{};  ///< of the equations about ξ; their F is in the work space
 
-  Outcome innovations(int without);
+  // Not inlined: their stacks are not needed together.
+  [[gnu::noinline]] Outcome innovations(int without);
+  [[gnu::noinline]] bool explained(Extended& by) const;
   bool isolate(int r, int& faulty);
   void test(Real log_ratio);
   void drift();
@@ -107,21 +109,27 @@ Outcome Cycle::innovations(int without) {
   return innovate(state, about, curvature, work.F, made);
 }
 
+/// Decrease of χ² by an error of each reading. @return false where there is none
+bool Cycle::explained(Extended& by) const {
+  std::array<Real, kMaxRows * kMaxRows> unit;
+  if (!of_readings(n, readings, H_x, unit.data())) return false;
+  for (int c : range(readings)) {
+    std::array<Real, kMaxReadings> g;
+    for (int i : range(made.r)) g[i] = unit[(n + i) * readings + c];
+    made.transform(g);
+    Column error;
+    for (int i : range(made.r)) error.add(g[i], made.y[i], made.total[i]);
+    by[c] = error.chi2();
+  }
+  return true;
+}
+
 /// Innovations without the one reading that alone explains a contradiction of r equations, if there
 /// is one. @return whether the other readings agree
 bool Cycle::isolate(int r, int& faulty) {
-  std::array<Real, kMaxRows * kMaxRows> unit;
-  if (r < 2 || !of_readings(n, readings, H_x, unit.data())) return false;
-  Extended explained{};  // decrease of χ² by each reading's error
-  for (int c : range(readings)) {
-    std::array<Real, kMaxReadings> g;
-    for (int i : range(r)) g[i] = unit[(n + i) * readings + c];
-    made.transform(g);
-    Column error;
-    for (int i : range(r)) error.add(g[i], made.y[i], made.total[i]);
-    explained[c] = error.chi2();
-  }
-  const int suspect = outstanding(readings, explained, beyond(settings.gate, 1));
+  Extended by{};
+  if (r < 2 || !explained(by)) return false;
+  const int suspect = outstanding(readings, by, beyond(settings.gate, 1));
   if (suspect < 0 || !innovations(suspect) || !(made.chi2() <= beyond(settings.gate, r - 1)))
     return false;
   faulty = suspect;
