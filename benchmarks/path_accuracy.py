@@ -56,7 +56,9 @@ def sampled(effects: tp.Effects, seed: int) -> tuple[tp.Robot, tp.Robot, tp.Robo
     return (
         truth,
         allowed,
-        tp.calibrate(allowed, readings, options=CalibrationOptions(cause="ignore")).robot,
+        tp.calibrate(
+            allowed, readings, options=CalibrationOptions(cause="ignore", loss="squares")
+        ).robot,
     )
 
 

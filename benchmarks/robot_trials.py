@@ -4,7 +4,7 @@ Every robot moves under joint control, is read with counts and noise, and calibr
 readings. The estimates are compared with the truth, and with the bound.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -112,7 +112,7 @@ def run(
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
         at = true.fkm(robot.ikm(desired + jitter), guess=desired)
         q_e = true.read(at, int(noise.generate_state(1)[0]))
-        fit = calibrate(robot, q_e[:first], options=options)
+        fit = calibrate(robot, q_e[:first], options=replace(options, loss="squares"))
         told = calibrate(fit.robot, known_pose=(q_e[first], at[first]), options=options).robot
         later, touched = (
             known.estimate(q_e[rest], guess=desired[rest]) for known in (fit.robot, told)

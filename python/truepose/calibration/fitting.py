@@ -1,4 +1,4 @@
-"""Nonlinear least squares for a robot's geometry, with priors and robust losses."""
+"""Nonlinear least squares for a robot's geometry, with priors; outliers are left out."""
 
 import math
 import warnings

@@ -61,7 +61,7 @@ def verify(
     cycles = CYCLES if found.criterion.measure == "AP" else 1
     visited, touched, sigma = found.use.known(robot)
     off = np.array(sigma)
-    found_alone = CalibrationOptions(cause="ignore")
+    ignore = CalibrationOptions(cause="ignore")
     x, errors, expected = np.tile(over, (cycles, 1)), [], robot.expected()
     for own in np.random.SeedSequence(check_seed(seed)).spawn(robots):
         true = robot.sample(own)
@@ -69,12 +69,12 @@ def verify(
         at_reference, at_work = sampled(true, noise[3])
         known = expected
         if len(visited):
-            known = calibrate(robot, true.read(visited, noise[0]), options=found_alone).robot
+            known = calibrate(robot, true.read(visited, noise[0]), options=ignore).robot
         if len(touched):
             told = touched + off * np.random.default_rng(noise[4]).normal(size=robot.n)
             at = at_reference.read(touched, noise[1]), told, off
             known = at_other_temperature(known)
-            known = calibrate(known, known_pose=at, options=found_alone).robot
+            known = calibrate(known, known_pose=at, options=ignore).robot
         estimate = known.estimate(at_work.read(x, noise[2]), guess=x)
         watch(advance=1)
         e = (estimate.x - x)[:, parts.columns] * parts.scale

@@ -275,7 +275,7 @@ def suspects(sled: Sled, read: Readings) -> list[str]:
     """Return poses that do not fit, by row and belt."""
     return [
         f"{read.word} {read.lines[k]}: {belt} reads {1e3 * wrong:+.1f} mm off what the other belts "
-        "say: counts for next to nothing"
+        "say: left out"
         for k, belt, wrong in sled.suspects()
     ]
 
