@@ -229,3 +229,33 @@ def test_the_stated_disagreement_is_the_median_row_s(h4, anywhere, rng):
         found = np.where(rows < gross, 1e6, 9 * usual)
         fit_of = dataclasses.replace(fit, chi2=found)
         assert fit_of.disagreement(rows) == pytest.approx(3)
+
+
+CABLES = """
+name = "cables"
+mobility = "planar_translation"
+home = [1.0, 0.8]
+sensors = ["c3", "c4"]
+workspace = { minimum = [0.3, 0.3], maximum = [1.8, 1.4] }
+chain_defaults = { actuator = "telescopic", anchor = [0, 0, 0] }
+chain = [{ base = [0, 0, 0] }, { base = [0, 1.7, 0] }]
+sensor = [
+  { name = "c3", kind = "distance", origin = [2.1, 1.7, 0], noise = 0.005 },
+  { name = "c4", kind = "distance", origin = [2.1, 0, 0], noise = 0.005 },
+]
+[tolerances]
+"chain2.base.y" = { sigma = 0.1 }
+"c*.origin.[xy]" = { sigma = 0.1 }
+"chain*.encoder_offset" = { sigma = 0.1 }
+"c*.offset" = { sigma = 0.1 }
+"""
+
+
+def test_cables_of_no_length_are_named_where_no_frame_is_found(tmp_path):
+    """The tool is pulled to each of the four anchors, and every cable is read there."""
+    (tmp_path / "cables.toml").write_text(CABLES)
+    robot = tp.load(tmp_path / "cables.toml")
+    at = np.array([[0.0, 0.0], [0.0, 1.75], [2.15, 1.72], [2.12, 0.02]])
+    lengths = np.linalg.norm(at[:, None] - at, axis=2) + [0.02, -0.09, -0.08, -0.09]
+    with refused("a length of zero says nothing .*: q1 .*, q2 .*, c3 .*, c4", tp.PoseError):
+        tp.calibrate(robot, lengths)

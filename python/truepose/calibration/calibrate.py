@@ -29,7 +29,7 @@ from truepose.calibration.causes.search import (
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
-from truepose.calibration.fitting import fit_to, inflated, misfit
+from truepose.calibration.fitting import UNITS, fit_to, inflated, misfit
 from truepose.calibration.influences import NuisanceParameter
 from truepose.calibration.lean import leaning_of
 from truepose.calibration.options import CalibrationOptions
@@ -208,6 +208,8 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
     try:
         fit = near if direct and near is not None else fit_to(case.under(of))
     except PoseError as error:
+        if said := of_no_length(case.robot, case.log):
+            raise PoseError(f"{str(error).removesuffix(UNITS)}; {said}") from None
         raise PoseError(f"{error}; {contradicting(case.robot, case.log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         return inflated(fit, causes.text), of
@@ -267,6 +269,31 @@ def doubted(fit: Calibration) -> bool:
     """Return whether a fit leaves out rows or measured differences as gross errors."""
     between = fit.differences.each if fit.differences else ()
     return bool(len(fit.outliers)) or any(of.weight < 0.1 for of in between)
+
+
+def of_no_length(robot: Robot, log: Log) -> str:
+    """Name the rows in which a cable or leg that is read may have no length, within 3 σ."""
+    lengths = {
+        k: f"chain{k + 1}.encoder_offset"
+        for k, chain in enumerate(robot.spec.chain)
+        if chain.actuator == "telescopic"
+    }
+    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
+    lengths |= {
+        robot.m + k: f"{name}.offset"
+        for k, name in enumerate(robot.sensors)
+        if kinds[name] == "distance"
+    }
+    said = []
+    for k, offset in lengths.items():
+        rows = np.flatnonzero(np.abs(log.readings[:, k]) <= 3 * robot.parameters[offset].sigma)
+        if len(rows):
+            said.append(f"{robot.readings[k]} ({log.at(rows)})")
+    if not said:
+        return ""
+    return (
+        f"a length of zero says nothing about its direction: stop 0.1 m before: {', '.join(said)}"
+    )
 
 
 def contradicting(robot: Robot, log: Log) -> str:

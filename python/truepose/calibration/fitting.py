@@ -257,6 +257,10 @@ def _lines(problem: Problem) -> _Lines:
     return _Lines(rows, outside, sigma, len(poses.x), tracked, loads, notes)
 
 
+#: Hint where nothing more is known.
+UNITS = "; are readings in m and rad?"
+
+
 def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> None:
     if known and (lost := np.flatnonzero(answer.lines[-known:])).size:
         why = _core.describe(int(answer.lines[-known:][lost[0]]))
@@ -271,7 +275,7 @@ def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> Non
         )
     if answer.status:
         hint = "; gross errors? try loss='student'" if loss == "squares" else ""
-        hint += "; are readings in m and rad?"
+        hint += UNITS
         why = _core.describe(answer.status)
         raise PoseError(f"{what}the search ended after {answer.iterations} steps: {why}{hint}")
     if not (answer.redundancy.any() or np.isfinite(answer.differences).any()):
