@@ -115,21 +115,21 @@ def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
 
 
 def _poses(robot: Robot, result: Missed) -> Table:
-    """Return a table of the pose errors beside their σ, columns of zeros left out."""
+    """Return a table of the pose errors beside the predicted ones, columns of zeros left out."""
     rows, total = [], summed(robot)
-    other = ("σ (°)",) if total.unit == "m" else ("σ relative (mm)", "σ (mm)")
+    other = ("predicted rms (°)",) if total.unit == "m" else ("predicted relative (mm)", "predicted rms (mm)")
     for who, apart in result.pose.items():
         shown = apart[finite_rows(apart)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
         sigma, relative = (total.factor * value for value in result.predicted[who])
         row = {
             "relative to home (mm)": zeroed,
-            "σ relative (mm)": relative,
+            "predicted relative (mm)": relative,
             "position rms (mm)": position,
-            "σ (mm)": sigma,
+            "predicted rms (mm)": sigma,
             "largest (mm)": shown[:, 0].max(),
             "rotation rms (°)": turn,
-            "σ (°)": sigma,
+            "predicted rms (°)": sigma,
         }
         rows.append({"robot": who} | row)
     some = [name for name in rows[0] if name not in other and any(row[name] for row in rows)]

@@ -114,7 +114,7 @@ class Missed:
     nees: float  #: squared error of them all in the metric of the stated covariance; p on average
     pose: dict[str, Array]  #: pose errors, see `missed`
     predicted: dict[str, tuple[float, float]]
-    #: σ of the position, rms over the poses, and relative to home, by the stated covariances; m
+    #: rms error of the position and relative to home by the stated covariances, m; turn: rad
     worse: float  #: share of such robots whose motors lead to larger errors when calibrated
 
     @property
@@ -165,33 +165,38 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
         sigma,
         nees,
         pose,
-        {
-            who: _predicted(model, x_d[1:], robot.home)
-            for who, model in zip(pose, models, strict=True)
-        },
-        _worse(models[1], names, knowledge.root(robot, names), root, x_d),
+        {who: _predicted(model, x_d) for who, model in zip(pose, models, strict=True)},
+        _worse(robot, models[1], root, x_d, names),
     )
 
 
-def _predicted(model: Robot, x: Array, home: Array) -> tuple[float, float]:
-    """Return σ of the position, rms over the poses, and of its difference from that at home."""
-    relative = accuracy(model, x, errors="nan", relative_to=home)
-    return accuracy(model, x, errors="nan").rms, relative.rms
+def _predicted(model: Robot, x: Array) -> tuple[float, float]:
+    """Return the rms error of the position, and that less the error at home, x[0].
+
+    σ, and for a nominal robot whose tolerances lie to one side their mean.
+    """
+    lengths = [0, 1] if summed(model).unit == "m" else [2, 2]
+    away = np.square(_led(model, model.expected(), x, "joint")[:, lengths])
+    sigma = [accuracy(model, x[1:], errors="nan", relative_to=at).rms for at in (None, x[0])]
+    total, relative = np.sqrt(np.nanmean(away, axis=0) + np.square(sigma))
+    return float(total), float(relative)
 
 
-def _worse(model: Robot, names: list[str], before: Array, after: Array, x: Array) -> float:
+def _worse(robot: Robot, found: Robot, root: Array, x: Array, names: list[str]) -> float:
     """Return the share of robots that err more by their motors after a calibration than before.
 
-    To first order, from roots of both covariances: what a calibration finds of ξ and what it leaves
-    are independent.
+    To first order: what a calibration finds of ξ and what it leaves, of covariance S Sᵀ, are
+    independent.
     """
-    H_x, H = knowledge.linearized(model, x, names, "nan")
+    H_x, H = knowledge.linearized(found, x, names, "nan")
     E = np.linalg.pinv(H_x[finite_rows(H_x)]) @ H[finite_rows(H_x)]
-    E = E[:, summed(model).columns].reshape(-1, len(names))
-    values, vectors = np.linalg.eigh(before @ before.T - after @ after.T)
+    E = E[:, summed(found).columns].reshape(-1, len(names))
+    before = knowledge.root(robot, names)
+    values, vectors = np.linalg.eigh(before @ before.T - root @ root.T)
     random = np.random.default_rng(0)
-    left = random.normal(size=(SAMPLES, len(names))) @ after.T
+    left = random.normal(size=(SAMPLES, len(names))) @ root.T
     known = random.normal(size=left.shape) @ (vectors * np.sqrt(np.maximum(values, 0))).T
+    known += [robot.parameters[name].mean - robot.parameters[name].value for name in names]
     error = [np.square(parts @ E.T).sum(axis=1) for parts in (known + left, left)]
     return float(np.mean(error[1] > error[0]))
 
