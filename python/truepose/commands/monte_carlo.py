@@ -117,7 +117,11 @@ def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
 def _poses(robot: Robot, result: Missed) -> Table:
     """Return a table of the pose errors beside the predicted ones, columns of zeros left out."""
     rows, total = [], summed(robot)
-    other = ("predicted rms (°)",) if total.unit == "m" else ("predicted relative (mm)", "predicted rms (mm)")
+    other = (
+        ("predicted rms (°)",)
+        if total.unit == "m"
+        else ("predicted relative (mm)", "predicted rms (mm)")
+    )
     for who, apart in result.pose.items():
         shown = apart[finite_rows(apart)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
