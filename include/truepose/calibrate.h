@@ -29,10 +29,11 @@ typedef struct truepose_log {
 typedef struct truepose_calibration {
   truepose_outcome outcome; /**< `part`: the invalid column or coordinate */
   int32_t iterations;
-  int32_t used;       /**< rows with a pose; of the others `status` has the reason */
-  double cost;        /**< of the least squares, with the prior */
-  double rms;         /**< residuals in units of their sigma: 1 on average for a correct model */
-  double* value;      /**< p identified values, in the prior's order */
+  int32_t used;  /**< rows with a pose; of the others `status` has the reason */
+  double cost;   /**< of the least squares, with the prior */
+  double rms;    /**< residuals of rows that are no outliers, in sigma: 1 on average for a correct
+                    model */
+  double* value; /**< p identified values, in the prior's order */
   double* covariance; /**< p × p */
   double* x;          /**< rows × n: estimated poses; NaN without one */
   double* chi2;       /**< rows: squared residual, in units of sigma; NaN without a pose */

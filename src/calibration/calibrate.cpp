@@ -117,6 +117,7 @@ class Calibrator {
     result_.outcome = descend(now);
     if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses
       include(now);
+      last_iteration_ = result_.iterations + std::min(most, settings_.iterations);
       result_.outcome = descend(now);
     }
   }

@@ -67,6 +67,8 @@ auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix
 /// Start of a registration by roughly known poses, NaN without one; see `registered`.
 auto run_registered(const Robot& robot, const Frame& base, const Frame& marker, bool moved,
                     bool movable, bool turning, const Rows& x, const Rows& measured) {
+  if (measured.shape(0) != x.shape(0) || int(measured.shape(1)) != dof(robot.mobility))
+    throw std::invalid_argument("measured: one row of coordinates a pose");
   std::vector<Pose> pose;
   std::vector<Status> status;
   for (std::size_t i = 0; i < x.shape(0); ++i) {

@@ -120,6 +120,7 @@ struct Online : OnlineCalibrator {
         ends(end),
         space(online_memory(of, known.count())) {
     static_cast<void>(start(nominal, prior.view(), space.data(), *this));
+    if (mean.size() != width()) throw std::invalid_argument("mean: one number a parameter");
     std::ranges::copy(mean, state.xi);
     state.kept.assign(state);
     settings.gate = gate;

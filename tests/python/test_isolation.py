@@ -65,18 +65,6 @@ def test_two_faults_are_no_single_one_and_are_not_blamed_on_a_third():
     assert found.faulty and found.may_be == ()
 
 
-def test_a_reading_that_is_missing_leaves_the_others_of_its_row():
-    h4 = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
-    poses = drawn_poses(h4, POSES, 0)
-    robot = tp.calibrate(h4, h4.read(poses, seed=3)).robot
-    there = h4.read(poses, seed=4)
-    there[::2, 4] = np.nan
-    assert not isolate(robot, there).faulty
-    there[:, 1] += np.radians(0.5)
-    found = isolate(robot, there)
-    assert (found.freedom, found.readings) == (1.5 * POSES, ("q2",))
-
-
 def test_before_a_calibration_tolerances_hide_what_a_calibration_shows(learnt):
     robot, _, tour = learnt
     wrong = tour.copy()

@@ -7,6 +7,7 @@ from fixtures import refused
 import truepose as tp
 from truepose import logs
 from truepose.calibration import CalibrationOptions, zero
+from truepose.calibration.lean import sigmas
 from truepose.exceptions import InputError
 from truepose.logs.reading import FLAT
 from truepose.robot import lean
@@ -318,3 +319,8 @@ def test_the_commands_take_a_lean(run, tmp_path, command, text, status, said):
     got, _, err = run(command, "g1-ankle", "log.csv", f"--lean={text}", *more)
     assert got == status and said in err
     assert ("base leans" in err) == (status == 0 and text != "0")
+
+
+@pytest.mark.parametrize("one", [0.01, [0.01], np.array([0.01])])
+def test_one_angle_is_the_lean_common_to_the_log(one):
+    assert sigmas(one, False, True) == (0.01, 0.0)

@@ -69,6 +69,14 @@ MISTAKES = {
         lambda: tp.simulate(H4, H4, law="tej"),
         "controller='tej'",
     ),
+    "a marker of one number": (
+        lambda: tp.calibration.Registration(marker=0.1),
+        "marker = 0.1: must be 3 numbers",
+    ),
+    "a force of one number": (
+        lambda: Disturbance("contact", 0.1, force=3.0),
+        "force = 3.0: must be a list",
+    ),
     "a level": (lambda: H4.with_level("fulll"), "did you mean 'full'"),
     "an unknown sensor": (lambda: H4.with_sensors("thetta"), "did you mean 'theta'"),
     "a sensor twice": (lambda: H4.with_sensors("theta", "theta"), "named twice"),

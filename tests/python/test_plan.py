@@ -412,7 +412,7 @@ def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run, tmp_path):
 
 def test_where_poses_hardly_matter_it_is_said(run):
     words = ("plan", "stewart", "--sensors", "all", "--candidates", "200", "--count")
-    assert "hardly matters here; their number does" in run(*words, "30")[1]
+    assert "hardly matters here" in run(*words, "30")[1]
     assert "hardly matters" not in run("plan", "h4", "--candidates", "200", "--count", "10")[1]
 
 

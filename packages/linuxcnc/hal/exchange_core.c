@@ -39,7 +39,7 @@ static void receive(truepose_exchange* exchange, const unsigned char* bytes, siz
 static int alike(const truepose_table* a, const truepose_table* b) {
   const truepose_description *const one = &a->finest, *const other = &b->finest;
   const size_t kinds = offsetof(truepose_description, mobility);
-  int same = a->monitored && memcmp(a->name, b->name, sizeof a->name) == 0 &&
+  int same = a->monitored && b->monitored && memcmp(a->name, b->name, sizeof a->name) == 0 &&
              memcmp(&one->mobility, &other->mobility,
                     offsetof(truepose_description, gravity) - kinds) == 0;
   for (int i = 0; same && i < one->chains; ++i)
@@ -89,6 +89,7 @@ static truepose_exchange_state test(truepose_exchange* exchange, truepose_correc
       break;
     case 2: outcome = truepose_pupil_load(pupil); break;
     case 3:
+      memcpy(pupil->x, tej->pose, sizeof pupil->x); /* the forward model begins there */
       outcome = truepose_pupil_accuracy(pupil, &pupil->next_finest, &table->known, q_e, in->chi2,
                                         tej->work);
       return outcome.status == TRUEPOSE_OK || outcome.status == TRUEPOSE_NEAR_SINGULAR

@@ -3,7 +3,7 @@
  *
  * A cycle copies the bytes of its call, or makes one step of the test: load the robot at one level,
  * then at the other; χ² of the machine's readings; the correction of the law. Then the laws use it
- * as the identified robot. A refused table changes nothing. */
+ * as the identified robot. A refused table changes no correction. */
 #ifndef TRUEPOSE_LINUXCNC_EXCHANGE_CORE_H
 #define TRUEPOSE_LINUXCNC_EXCHANGE_CORE_H
 

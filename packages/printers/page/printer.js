@@ -3,7 +3,7 @@
 
 const MOST_ANSWER = 1 << 24; // bytes
 
-// Its answer. Options in mm: arm, probe radius; number of next points; then eight σ, 0: as usual.
+// Its answer. Options in mm: arm, probe radius; number of next points; heights alone (0, 1); then eight σ, 0: as usual.
 function printerAnswer(text, options) {
   return core.within((put, room) => {
     const bytes = new TextEncoder().encode(text), json = room(MOST_ANSWER / 8);

@@ -210,7 +210,7 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
     except PoseError as error:
         if said := of_no_length(case.robot, case.log):
             raise PoseError(f"{str(error).removesuffix(UNITS)}; {said}") from None
-        raise PoseError(f"{error}; {contradicting(case.robot, case.log)}") from None
+        raise PoseError(f"{error}; {furthest(case.robot, case.log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         return inflated(fit, causes.text), of
     if wide is not None:
@@ -288,15 +288,14 @@ def of_no_length(robot: Robot, log: Log) -> str:
     for k, offset in lengths.items():
         rows = np.flatnonzero(np.abs(log.readings[:, k]) <= 3 * robot.parameters[offset].sigma)
         if len(rows):
-            said.append(f"{robot.readings[k]} ({log.at(rows)})")
+            said.append(f"{robot.readings[k]} in {log.at(rows)}")
     if not said:
         return ""
-    return (
-        f"a length of zero says nothing about its direction: stop 0.1 m before: {', '.join(said)}"
-    )
+    where = ", ".join(said)
+    return f"may have no length: {where}; a cable or leg needs 0.1 m to have a direction"
 
 
-def contradicting(robot: Robot, log: Log) -> str:
+def furthest(robot: Robot, log: Log) -> str:
     """Name the sensor and the rows that are furthest from their prediction by the motors."""
     seen = expect(robot.expected(), log.readings, loads=log.loads)
     square = np.nan_to_num((seen.residual / seen.sigma) ** 2)

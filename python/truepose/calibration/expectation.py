@@ -132,7 +132,7 @@ def contradicting(
                     limit - chi2,
                     f"{name}: contradicts all other data: by these the robot stood "
                     f"{sizes(robot, off[r:], '+.3g')} from it (χ² = {chi2:.3g}, at most "
-                    f"{limit:.3g}): wrong pose, or tolerances?",
+                    f"{limit:.3g})",
                 )
             )
     return [said for _, said in sorted(found)]

@@ -79,8 +79,8 @@ class Calibration(Shown):
         chi2, freedom = (float(values[counts].sum()) for values in (self.chi2, self.redundancy))
         return "\n".join(
             [
-                f"{self.robot.name} calibrated on {good.sum()} of {good.size} lines of {sensors}, "
-                f"{self.level} level, {self.iterations} iterations",
+                f"{self.robot.name} calibrated on {counts.sum()} of {good.size} lines of "
+                f"{sensors}, {self.level} level, {self.iterations} iterations",
                 self.verdicts,
                 "residuals with the poses fitted, rms: "
                 f"{math.sqrt(chi2 / max(freedom, 1.0)):.2g} of their σ",

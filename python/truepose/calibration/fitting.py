@@ -168,11 +168,14 @@ def _fit_upright(problem: Problem) -> Calibration:
     notes = [
         *lines.notes,
         *(found.doubt if found else ()),
-        *contradicting(
-            fit,
-            KnownPoses(*(of[lines.own :] for of in lines[:3])),
-            (f"known_pose: row {k + 1}" for k in range(lines.known)),
-            FALSE_ALARMS,
+        *(
+            f"{said}: wrong pose, or tolerances?"
+            for said in contradicting(
+                fit,
+                KnownPoses(*(of[lines.own :] for of in lines[:3])),
+                (f"known_pose: row {k + 1}" for k in range(lines.known)),
+                FALSE_ALARMS,
+            )
         ),
     ]
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"

@@ -147,7 +147,7 @@ def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[floa
     if given is None:
         return (BIAS if measured else UNMEASURED if implied else 0.0), 0.0
     try:
-        pair: Any = [given, 0.0] if np.ndim(given) == 0 else given
+        pair: Any = [np.ravel(given)[0], 0.0] if np.size(given) == 1 else given
         common, own = numbers_like("lean", pair, (2,))
         good = min(common, own) >= 0 and max(common, own) <= MOST
     except (InputError, TypeError, ValueError):

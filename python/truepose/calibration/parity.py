@@ -7,12 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, Level
-from truepose.calibration.fit import LogRows
-from truepose.calibration.fitting import Problem, fit_to
-from truepose.calibration.influences import NuisanceParameter
-from truepose.calibration.log_checks import log_of
-from truepose.calibration.options import CalibrationOptions
-from truepose.robot import Robot, conditions, knowledge
+from truepose.robot import conditions, knowledge
+from truepose.robot.kinematics import Kinematics
 
 #: Rounding errors of zero: of a signature in σ of its reading, of sin² of the angle between two.
 UNSEEN, PARALLEL = 1e-9, 1e-12
@@ -50,32 +46,8 @@ def whitened(columns: Array, B: Array) -> Array:
     return whole - Q @ (Q.T @ whole)
 
 
-def rows_at_work(
-    robot: Robot, readings: Array, x: Array, level: Level, model_error: bool
-) -> tuple[LogRows, Array]:
-    """Return a calibration's rows by readings near poses x, (N, n), and the redundancy of each.
-
-    They are linearised about the robot. Its conditions at work are nuisance parameters;
-    `model_error` adds the ideal level's as a constant error of each reading.
-    """
-    by, sigma = conditions.columns(robot, x, robot.is_full(level)), conditions.sigmas(robot)
-    if model_error and level == "ideal":
-        constant = np.broadcast_to(np.eye(robot.m + robot.r), (len(x), *2 * (robot.m + robot.r,)))
-        by = np.concatenate([by, constant], axis=2)
-        sigma = np.append(sigma, knowledge.stated_error(robot))
-    acting = [
-        NuisanceParameter(name=str(k), pattern=by[..., k], amount=(0.0, sigma[k]))
-        for k in np.flatnonzero(sigma)
-    ]
-    options = CalibrationOptions(loss="squares", level=level, model_error="off")
-    log = log_of(robot, readings)
-    fit = fit_to(Problem(robot, log, options, influences=acting, iterations=0, keeps_rows=True))
-    assert fit.rows is not None
-    return fit.rows, fit.redundancy
-
-
 def parity(
-    robot: Robot,
+    robot: Kinematics,
     poses: ArrayLike,
     level: Level | None = None,
     model_error: bool = True,
@@ -83,19 +55,26 @@ def parity(
     """Eliminate the pose from the readings, for χ² tests of the rest.
 
     About the robot's expected geometry, at poses (..., n) and a model level, by default
-    :attr:`Robot.highest_level`; with its compliances and conditions at work.
+    :attr:`Robot.highest_level`; with its compliances and conditions at work. `model_error` adds the
+    ideal level's as a constant error of each reading.
     """
     level = robot.highest_level if level is None else level
-    lead, m = np.shape(poses)[:-1], robot.m + robot.r
-    if m == robot.n:
-        return Parity(*np.zeros((2, *lead, 0, m)))
-    x, of = np.unique(np.reshape(poses, (-1, robot.n)), axis=0, return_inverse=True)
-    read = robot.extended_positions(x, level=level)
-    own, _ = rows_at_work(robot, read, x, level, model_error)
-    D, B = (rows.reshape(len(x), m - robot.n, -1)[of.ravel()] for rows in (own.D, own.B))
-    seen = np.linalg.norm(D, axis=1, keepdims=True) > UNSEEN
-    G = np.where(seen, D / knowledge.reading_sigma(robot), 0)
-    return Parity(*(part.reshape(*lead, *part.shape[1:]) for part in (G, B)))
+    uncertain = knowledge.learnable(robot)
+    H_x, H_xi = knowledge.linearized(robot, poses, uncertain, level=level)
+    x = np.reshape(poses, (-1, robot.n))
+    by = conditions.columns(robot, x, robot.is_full(level)) * conditions.sigmas(robot)
+    moved = H_xi @ knowledge.root(robot, uncertain)
+    moved = np.concatenate([moved, by.reshape(*moved.shape[:-1], -1)], axis=-1)
+    stated = knowledge.stated_error(robot)
+    if model_error and level == "ideal" and stated.any():
+        fixed = np.broadcast_to(np.diag(stated), (*moved.shape[:-1], len(stated)))
+        moved = np.concatenate([moved, fixed], axis=-1)
+    sigma = knowledge.reading_sigma(robot)
+    Q = np.linalg.qr(H_x / sigma[:, None], mode="complete")[0]
+    rows = Q[..., robot.n :].swapaxes(-1, -2)
+    norm = np.linalg.norm(rows, axis=-2, keepdims=True)
+    signature = np.where(norm > UNSEEN, rows, 0) / sigma
+    return Parity(signature, signature @ moved)
 
 
 def unexplained(gram: Array) -> Array:

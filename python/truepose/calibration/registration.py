@@ -48,9 +48,12 @@ class Registration:
                 raise InputError("registration: base: must be a homogeneous matrix, (4, 4)")
             object.__setattr__(self, "base", base)
             object.__setattr__(self, "base_sigma", (0.0, 0.0))
-        for name in ("base_sigma", "marker_sigma"):
-            numbers_like(f"registration: {name}", [*getattr(self, name)], (2,), "0 or greater")
-        numbers_like("registration: marker", [*self.marker], (3,))
+        for name, count in (("base_sigma", 2), ("marker_sigma", 2), ("marker", 3)):
+            must = "0 or greater" if count == 2 else "a finite number"
+            value = getattr(self, name)
+            numbers_like(f"registration: {name}", value, (count,), must)
+            if np.shape(value) != (count,):
+                raise InputError(f"registration: {name} = {value}: must be {count} numbers")
 
     def sigma(self, robot: Robot, measured: Array) -> Array:
         """Return σ of the unknowns, (12,); 0 if known or without effect on the measurements."""
@@ -192,9 +195,15 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
     angles = angles_of(robot)
     result = np.tile(np.where(angles, ANGLE_SIGMA, SIGMA), (count, 1))
     if sigma is not None:
-        lengths = np.ndim(sigma) == 0 and not angles.all()  # a rotational platform has none
-        own = np.where(angles, result, sigma) if lengths else np.asarray(sigma, dtype=float)
-        if np.ndim(sigma) == 2:  # NaN: an empty cell of a log
+        try:
+            own = np.asarray(sigma, dtype=float)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"measured_sigma: must be a number, {robot.n} or {count} × {robot.n} of them"
+            ) from None
+        if own.ndim == 0 and not angles.all():  # a rotational platform has no lengths
+            own = np.where(angles, result, own)
+        elif own.ndim == 2:  # NaN: an empty cell of a log
             own = np.where(np.isnan(own), result, own)
         result = numbers_like("measured_sigma", own, result.shape, "greater than 0").copy()
     if angle_sigma is not None:
@@ -234,7 +243,10 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
         raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
     for wrong, must in (
         (~finite_rows(readings[:, : robot.m]), "every motor must have been read"),
-        (np.isinf(x).any(1) | np.isnan(x).all(1), f"must be {robot.n} numbers (m, rad), NaN: none"),
+        (
+            np.isinf(x).any(1) | np.isnan(x).all(1),
+            f"must be {robot.n} numbers (m, rad), NaN where unknown",
+        ),
     ):
         if wrong.any():
             raise InputError(f"known_pose: row {wrong.argmax() + 1}: {must}")

@@ -269,8 +269,9 @@ def _require_agreement(fit: Calibration, postures: Log, leaning: Leaning | None)
     parts = postures.readings, postures.measured, postures.measured_sigma
     given, where = KnownPoses(*map(np.asarray, parts)), postures.labels[POSTURE]
     if said := contradicting(fit, given, where, FALSE_ALARMS / len(where), acting):
-        both = 1 + (len(where) == 2)  # one of two: which?
-        raise InputError(f"{'; '.join(said[:both])}; repeat it, or leave it out")
+        if len(where) == 2:
+            raise InputError(f"{'; '.join(said)}; repeat both postures: one is wrong")
+        raise InputError(f"{said[0]}: wrong pose, or tolerances?; repeat it, or leave it out")
 
 
 def _require_near(robot: Robot, postures: Log, leaning: Leaning | None) -> Array:
@@ -291,7 +292,8 @@ def _require_near(robot: Robot, postures: Log, leaning: Leaning | None) -> Array
     k = int(np.nanargmax(off[i]))
     nominal = model.extended_positions(np.where(np.isnan(x[i]), robot.home, x[i]), errors="nan")
     read = (
-        f"{name} = {row:.4g} {unit} (nominal: {round(drawn, 6) + 0.0:.4g})"
+        f"{name} = {row:.4g} {unit}"
+        + (f" (nominal: {round(drawn, 6) + 0.0:.4g})" if np.isfinite(drawn) else "")
         for name, row, unit, drawn in zip(
             robot.readings[:m], rows[i], reading_units(robot), nominal, strict=False
         )

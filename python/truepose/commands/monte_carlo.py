@@ -66,8 +66,8 @@ def simulate_log_command(
         result = missed(drawn, load(kept), load(found), seed)
         low, high = result.nees_range
         said = (
-            f"One robot of many: of such robots {result.worse:.0%} err more by their motors after "
-            "this calibration than before.",
+            f"This is one robot. In {100 * result.worse:.0f} % of such robots the pose error by "
+            "the motors is larger after such a calibration than before.",
             f"Squared error of all {len(result.names)} parameters by the stated covariance: "
             f"{result.nees:.1f}; if that is correct, {low:.0f} to {high:.0f} in 95 % of "
             "calibrations.",

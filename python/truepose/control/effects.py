@@ -84,7 +84,7 @@ class Effects:
     def without(self, *groups: str) -> Effects:
         """Return a copy with these groups switched off."""
         if not isinstance(self, Effects):
-            raise InputError(f"Effects: of an object alone: Effects().only({self!r})")
+            raise InputError(f"without() needs an object: Effects().without({self!r})")
         for group in groups:
             if group not in self.groups():
                 raise InputError(choose("effect", group, self.groups()))
@@ -93,7 +93,9 @@ class Effects:
 
     def only(self, *groups: str) -> Effects:
         """Return a copy with all other groups switched off."""
-        Effects.without(self, *groups)  # refuses unknown ones
+        if not isinstance(self, Effects):
+            raise InputError(f"only() needs an object: Effects().only({self!r})")
+        self.without(*groups)  # refuses unknown ones
         return self.without(*(group for group in self.groups() if group not in groups))
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:

@@ -66,6 +66,8 @@ class Disturbance:
         if self.size is not None:
             positive(f"{self.kind}: size", self.size)
         if self.force is not None:
+            if np.ndim(self.force) != 1:
+                raise InputError(f"contact: force = {self.force}: must be a list of numbers")
             numbers_like("contact: force", self.force, (len(self.force),))
         if (self.kind == "friction") != (self.motor is not None):
             raise InputError(f"{self.kind}: motor = {self.motor!r}: of friction alone, e.g. 'q1'")

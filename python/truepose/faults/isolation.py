@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, Level
-from truepose.calibration.log_checks import log_of
-from truepose.calibration.parity import gate, rows_at_work, whitened
-from truepose.exceptions import InputError, PoseError
+from truepose.arguments import Array, Level, finite_rows
+from truepose.calibration.parity import gate, parity, whitened
+from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.logs import Log
-from truepose.robot import Robot, knowledge, reading_units, require_robot
+from truepose.robot import Robot, flattened, reading_units, require_robot
 from truepose.show import PRINT, Cell, Shown, Table, number, ranges
 
 #: Errors of a reading: constant, or proportional to itself.
@@ -121,7 +119,7 @@ def isolate(
     robot : Robot
         The assumed robot: with its tolerances, or calibrated before the fault.
     readings : array_like, shape (N, n + r)
-        m and rad, of the motors, then of the sensors in use; NaN where one was not read.
+        m and rad, of the motors, then of the sensors in use; rows with NaN are excluded.
     level : {"ideal", "full"}, optional
         Model level; by default :attr:`Robot.highest_level`.
     model_error : bool
@@ -133,9 +131,7 @@ def isolate(
     Raises
     ------
     InputError
-        No redundant sensor is in use.
-    PoseError
-        No row has a pose.
+        No redundant sensor is in use, or no row has a pose.
 
     Examples
     --------
@@ -157,36 +153,33 @@ def isolate(
     if not robot.r:
         raise InputError(f"{robot.name}: no redundant sensor in use: isolation needs one")
     level = robot.highest_level if level is None else level
-    model, log = robot.expected().with_level(level), log_of(robot, readings)
+    model = robot.expected().with_level(level)
+    rows, _ = flattened(model, readings, robot.m + robot.r, "readings", "nan")
     evidence = partial(_evidence, model, level, model_error)
-    beyond, y, columns = evidence(log)
-    total, freedom, used = float(y @ y), int(beyond.sum()), int((beyond > 0).sum())
-    limit = gate(alpha, freedom)
+    used, y, columns = evidence(rows)
+    if not used.any():
+        raise InputError(f"readings: none of {len(rows)} rows has a pose")
+    rows, total = rows[used], float(y @ y)
+    limit = gate(alpha, robot.r * len(rows))
     bank = [
-        _next(Hypothesis(name, kind, 0.0, math.inf, total), y, column)
-        for (kind, name), column in zip(
-            itertools.product(KINDS, robot.readings), columns.T, strict=True
-        )
+        _next(Hypothesis(name, kind, 0.0, math.inf, total), y, columns[:, k])
+        for k, (kind, name) in enumerate(itertools.product(KINDS, robot.readings))
     ]
-    likeliest = np.argsort([h.chi2 for h in bank], kind="stable")
-    for k in likeliest[: _LIKELY * (total > limit)].tolist():
-        c = k % len(robot.readings)
-        for _ in range(_AGAIN):  # linearize without the fault: a large one is nonlinear
-            h, healthy = bank[k], log.readings.copy()
-            if h.kind == "bias":
-                healthy[:, c] -= h.size
-            else:
-                healthy[:, c] /= 1 + h.size
-            try:
-                there, left, others = evidence(replace(log, readings=healthy))
-            except PoseError:
-                break
-            if there.sum() < freedom:
-                break
-            bank[k] = _next(h, left, others[:, k])
     bank.sort(key=lambda h: h.chi2)
-    left_out = len(log.lines) - used
-    return Isolation(robot, level, alpha, used, left_out, total, freedom, limit, tuple(bank))
+    for k in range(_LIKELY if total > limit else 0):
+        for _ in range(_AGAIN):  # linearize without the fault: a large one is nonlinear
+            h = bank[k]
+            c = robot.readings.index(h.reading)
+            healthy = rows.copy()
+            healthy[:, c] = rows[:, c] - h.size if h.kind == "bias" else rows[:, c] / (1 + h.size)
+            there, left, others = evidence(healthy)
+            if not there.all():
+                break
+            column = others[:, c + KINDS.index(h.kind) * len(robot.readings)]
+            bank[k] = _next(h, left, column)
+    bank.sort(key=lambda h: h.chi2)
+    freedom, left_out = robot.r * len(rows), int((~used).sum())
+    return Isolation(robot, level, alpha, len(rows), left_out, total, freedom, limit, tuple(bank))
 
 
 #: Number of hypotheses that are linearized again, and how often.
@@ -204,20 +197,24 @@ def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
 
 
 def _evidence(
-    model: Robot, level: Level, model_error: bool, log: Log
+    model: Robot, level: Level, model_error: bool, rows: Array
 ) -> tuple[Array, Array, Array]:
-    """Return each row's equations, their residuals and hypotheses' columns, of variance 1.
-
-    The rows are those of a calibration by this log, about the model, under its conditions at work.
-    """
-    x = model.fkm(log.readings[:, : model.m], errors="nan")
-    rows = log.readings.copy()
-    for k, sensor in enumerate(model.sensors, model.m):
-        if reading_units(model)[k] == "rad":  # whole turns of a sensor are no fault
-            turn = math.tau * abs(model.parameters[f"{sensor}.gain"].value)
-            seen = model.extended_positions(x, errors="nan")
-            rows[:, k] -= turn * np.round((rows - seen)[:, k] / turn)
-    (B, y, D, line, *_), beyond = rows_at_work(model, rows, x, level, model_error)
-    bias = D / knowledge.reading_sigma(model)
-    rest = whitened(np.column_stack([bias, bias * np.nan_to_num(rows)[line], y]), B)
-    return beyond, rest[:, -1], rest[:, :-1]
+    """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
+    poses = model.fkm(rows[:, : model.m], errors="nan")
+    # Singular poses have no parity.
+    regular = finite_rows(model.linearize(poses, "nan", level)[0])
+    used = np.asarray(regular & finite_rows(rows))
+    if not used.any():
+        return used, np.zeros(0), np.zeros((0, 0))
+    found = parity(model, poses[used], level, model_error)
+    error = rows[used] - model.extended_positions(poses[used])
+    for k, unit in enumerate(reading_units(model)[model.m :], model.m):
+        if unit == "rad":  # whole turns of a sensor are no fault
+            turn = 2 * math.pi * abs(model.parameters[f"{model.readings[k]}.gain"].value)
+            error[:, k] -= turn * np.round(error[:, k] / turn)
+    value = np.einsum("kri,ki->kr", found.signature, error)
+    B = found.geometry.reshape(-1, found.geometry.shape[-1])
+    sides = (found.signature, found.signature * rows[used][:, None, :])  # of a bias, of a gain
+    parts = [side.reshape(len(B), -1) for side in sides]
+    rest = whitened(np.column_stack([*parts, value.ravel()]), B)
+    return used, rest[:, -1], rest[:, :-1]

@@ -192,7 +192,9 @@ class Simulation(Shown):
         ]
 
 
-@grouped(Run, "run", law="controller='tej', or Controller(law=f) with f(robot, x_d, q_e)")
+@grouped(
+    Run, "run", law="Controller(law=f), f(robot, x_d, q_e) the motor error; or controller='tej'"
+)
 def simulate(
     robot: Robot,
     truth: Robot | None = None,

@@ -236,9 +236,10 @@ inline void assess_readings(Assessment& of, auto&& stop) {
   const auto cost = [&](int k) {
     return of.fits[k].cwiseProduct(klipper_weights(readings)).squaredNorm();
   };
-  const double lost = max(of.left(file) - of.left(of.fits[1]),
-                          of.extended() ? of.left(file, true) - of.left(of.fits[1], true) : 0);
-  of.as_good = lost < kUnseen * of.judged.noise.sigma[0];
+  of.as_good = true;
+  for (int kind = 0; kind <= of.extended(); ++kind)
+    of.as_good &=
+        of.left(file, kind) - of.left(of.fits[1], kind) < kUnseen * of.judged.noise.sigma[kind];
   of.as_klipper = cost(1) >= kRefit * cost(0) - kNothing * kNothing;
   of.as_theirs = (theta - of.printer.theta).head(delta.count()).cwiseAbs().maxCoeff() < kTheSame;
   of.verdict =
@@ -290,10 +291,11 @@ inline Assessment assess(string_view text, const Request& request) {
   const int enough = of.read ? 0 : int(adjusted(delta, false).cols()) + 1;
   if (enough) {
     of.estimate = estimate(delta, {}, of.prior, request.assumed);
-    of.assumptions.push_back(format(
-        "Heights come first, %d of them, one more than Klipper adjusts parameters by: before "
-        "that nothing can be printed",
-        enough));
+    if (!request.heights_alone)
+      of.assumptions.push_back(format(
+          "Heights come first, %d of them, one more than Klipper adjusts parameters by: before "
+          "that nothing can be printed",
+          enough));
   } else if (config.error.empty()) {
     assess_readings(of, stop);
   }
