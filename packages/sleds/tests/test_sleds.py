@@ -433,7 +433,7 @@ BAD = {
     "cut off": (lambda text: text[:-200], "is the log cut off?"),
     "cut off between": (lambda text: text[: text.rindex("{")], "ends after row 47"),
     "html": (lambda text: text.replace("},", "},<script>", 1), "after row 1: '<script>'"),
-    "most of it damaged": (lambda text: text.replace("bl:", "bl:x", 37), "11 whole poses"),
+    "most of it damaged": (lambda text: text.replace("bl:", "bl:x", 37), "11 poses: must be 12"),
     "nothing": (lambda text: YAML, "no belt lengths"),
     "settings": (lambda text: text + "\n$/Maslow_tlX=-\x1b[2J", "tlX = '-"),
 }

@@ -92,7 +92,7 @@ def read(paths: Sequence[Path]) -> Readings:
         notes.append(f"{source}: {word}s that repeat another digit for digit count once: {shown}")
     kept = np.sort(first)
     if len(kept) < FEWEST:
-        raise InputError(f"{source}: {len(kept)} whole poses: must be {FEWEST} or more")
+        raise InputError(f"{source}: {len(kept)} poses: must be {FEWEST} or more")
     return Readings(1e-3 * lengths[kept], lines[kept], word, source, settings, prefix, notes)
 
 
