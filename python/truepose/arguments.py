@@ -147,7 +147,9 @@ def numbers_like(
     least = 0.0 if must == "0 or greater" else -math.inf
     good = np.isfinite(result) & (result > 0 if must == "greater than 0" else result >= least)
     if not good.all():
-        raise InputError(f"{name} = {result[~good][0]:g}: must be {must}")
+        wrong = result[~good][0]
+        finite_too = "" if np.isfinite(wrong) or "finite" in must else "a finite number "
+        raise InputError(f"{name} = {wrong:g}: must be {finite_too}{must}")
     return result
 
 

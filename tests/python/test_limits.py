@@ -31,7 +31,7 @@ def test_motors_may_rest_off_by_three_times_the_friction_of_given_effects(name, 
         ({"slew": 10.0}, "slew 10 at least 6000"),
         ({"deviation": [1, 2]}, "deviation"),
         ({"age": 20}, "age 20"),
-        ({"speed": np.inf}, "speed = inf: must be greater than 0"),
+        ({"speed": np.inf}, "speed = inf: must be a finite number greater than 0"),
     ],
 )
 def test_limits_below_the_need_of_a_path_are_refused(h4, settings, message):
