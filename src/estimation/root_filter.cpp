@@ -38,7 +38,7 @@ Outcome innovate(const RootFilter& filter, const Real* about, Real curvature, Re
   // The update must not overflow, nor an equation be as good as certain. A NaN shows in the sum.
   Real sum = 0 * made.chi2();
   for (int i : range(made.r)) {
-    sum += 0 / made.noise[i];
+    sum += 0 / made.noise[i] + 0 * made.total[i];
     for (int k : range(p)) sum += 0 * (F[i * p + k] / made.noise[i]);
   }
   return {isfinite(sum) ? Status::ok : Status::not_finite};
