@@ -148,8 +148,8 @@ def numbers_like(
     good = np.isfinite(result) & (result > 0 if must == "greater than 0" else result >= least)
     if not good.all():
         wrong = result[~good][0]
-        finite_too = "" if np.isfinite(wrong) or "finite" in must else "a finite number "
-        raise InputError(f"{name} = {wrong:g}: must be {finite_too}{must}")
+        too = "a finite number " if wrong == np.inf and must == "greater than 0" else ""
+        raise InputError(f"{name} = {wrong:g}: must be {too}{must}")
     return result
 
 
