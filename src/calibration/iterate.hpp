@@ -4,9 +4,10 @@
 #include "calibration/links.hpp"
 
 namespace truepose {
+/// Probability that an outlier is found in a healthy log.
 inline constexpr double kFalse = 1e-3;
 
-/// Information on u, I + Σ c RᵀR, and the right side, Σ c Rᵀy - u.
+/// Information on u, I + Σ w RᵀR, and the right side, Σ w Rᵀy - u.
 struct StepEquations {
   RowMatrix information;
   std::vector<double> right;

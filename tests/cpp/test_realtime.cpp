@@ -162,8 +162,10 @@ TEST_EACH(for_each, "no fault-tolerant controller does, whatever its readings do
 
 TEST_EACH(for_each, "no online calibrator does, at either level") {
   Scene made(mechanism);
+  std::vector<Real> root;  // of the first: the gated one begins with what it knows
   for (const double gate : {0.0, kGate}) {
     OnlineCalibrator learner = made.prior.learner(made.robot);
+    std::copy(root.begin(), root.end(), learner.state.root);
     learner.settings.gate = gate;
     watched(300, [&](long k) {
       Extended q_e = made.at(k).q_e;
@@ -174,7 +176,8 @@ TEST_EACH(for_each, "no online calibrator does, at either level") {
       q_e[0] += 3;  // mostly fails
       return bool(calibrate_online(learner, q_e));
     });
-    CHECK(gate > 0 ? learner.left_out > 5 || learner.state.test.stopped : learner.lines > 250);
+    CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);
+    root.assign(learner.state.root, learner.state.root + learner.state.count * learner.state.count);
   }
   OnlineCalibrator follower = made.prior.follower(made.robot);
   watched(300, [&](long k) {

@@ -26,7 +26,7 @@ def test_motors_may_rest_off_by_three_times_the_friction_of_given_effects(name, 
     [
         ({"speed": 0.5}, "safety: speed of motor"),
         ({"box": [[-1, -1, -0.39, -4], [1, 1, 1, 4]]}, "safety: the path leaves box"),
-        ({"box": [[-1, -1], [1, 1]]}, "box: must be"),
+        ({"box": [[-1, -1], [1, 1]]}, "box: must be lowest and highest coordinates"),
         ({"tracking": 1e-6}, "safety: motor 1: tracking 1e-06"),
         ({"slew": 10.0}, "slew 10 at least 6000"),
         ({"deviation": [1, 2]}, "deviation"),

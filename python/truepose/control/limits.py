@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_like, positive, require, require_or_none, whole
+from truepose.arguments import (
+    Array,
+    numbers_like,
+    numbers_of,
+    positive,
+    require,
+    require_or_none,
+    whole,
+)
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError, PoseError
@@ -139,9 +147,12 @@ class Limits:
                 value = numbers_like(name, value, (robot.m,), "greater than 0")
             setattr(core, name, value)
         if self.box is not None:
-            core.box_low, core.box_high = box = numbers_like("box", self.box, (2, robot.n))
-            if not (box[0] < box[1]).all():
-                raise InputError("box: must be lowest and highest coordinates")
+            box = numbers_of(self.box, "box")
+            if box.shape != (2, robot.n) or not (box[0] < box[1]).all():
+                raise InputError(
+                    f"box: must be lowest and highest coordinates, shape (2, {robot.n})"
+                )
+            core.box_low, core.box_high = box[0], box[1]
         result = SafetyLimits(robot, core, self.counter, frozenset(given))
         result._require_consistent()
         return result
