@@ -148,6 +148,35 @@ TEST_EACH(for_every, "readings and H_x of a description are those of the robot's
   CHECK_NEAR(apart, 0, 1e-11);
 }
 
+TEST_EACH(for_every,
+          "a parameter changes a sensor's deviation from g times the motors' as H_ξ says") {
+  check::Random random(134);
+  const int width = parameter_count(robot), m = robot.motors;
+  std::vector<double> H(readings(robot) * width), P_H(robot.r * width);
+  for (int sample = 0; sample < 10; ++sample) {
+    const Pose pose = to_pose(K, any_x(random, reach(K)));
+    Extended q_e;
+    PoseRows H_x;
+    if (!linearise(Level::ideal, robot, pose, q_e, H_x, nullptr)) continue;
+    Built built;
+    build(robot, Layout::ideal, built);
+    Position at;
+    at.y = stand(robot, built, motors_of(robot, q_e), pose);
+    engine::place(built.mechanism, at);
+    PredictionRows g;
+    for (int k = 0; k < robot.r; ++k)
+      for (int i = 0; i < m; ++i) g[k][i] = random();
+    CHECK(linearise(robot, built, at, pose.theta, q_e, H_x, H.data()));
+    CHECK(linearise(robot, built, at, pose.theta, q_e, H_x, P_H.data(), &g));
+    for (int k = 0; k < robot.r; ++k)
+      for (int c = 0; c < width; ++c) {
+        double deviation = H[(m + k) * width + c];
+        for (int i = 0; i < m; ++i) deviation -= g[k][i] * H[i * width + c];
+        CHECK_NEAR(P_H[k * width + c], deviation, 1e-9 * (1 + std::fabs(deviation)));
+      }
+  }
+}
+
 TEST("3-RPS, 3-PRS, planar 4-RRR and two balls close at every pose, there and back") {
   for (const Described& one : described()) {
     check::state().scene = one.name;
@@ -202,6 +231,13 @@ TEST("coupled bars share a freedom by their ratios and offsets") {
   engine::place(m, at);
   CHECK_NEAR(at.frame[1].R(1, 0), 0, 1e-16);  // it keeps its orientation
   CHECK_NEAR(at.frame[1].p.y(), std::sin(0.7), 1e-15);
+  CHECK(engine::check_parts(m).flaw == Flaw::none);
+  for (int* count : {&m.motors, &m.coordinates})
+    for (const int wrong : {-1, 2}) {  // of one freedom
+      const int right = std::exchange(*count, wrong);
+      CHECK(engine::check_parts(m).flaw == Flaw::no_such_part);
+      *count = right;
+    }
 }
 
 TEST("a bad description is refused with the part that is wrong") {

@@ -160,3 +160,30 @@ TEST_EACH(for_each_pivot, "angles are found from the place that the axes carry t
     for (int j = 0; j < n; ++j) CHECK_NEAR(found.D[j], pose.D[j], 1e-12);
   }
 }
+
+TEST_EACH(for_each_pivot, "an encoder on a passive axis reads its angle where the nacelle stands") {
+  check::Random random(79);
+  Robot measured = robot;
+  measured.r = n;
+  for (int j = 0; j < n; ++j) {
+    measured.sensor[j] = {};
+    measured.sensor[j].kind = SensorKind::axis_angle;
+    measured.sensor[j].axis = j;
+    measured.sensor[j].gain = 1.5 - j;
+    measured.sensor[j].offset = 0.1;
+  }
+  CHECK(finish(measured));
+  for (int k = 0; k < 20; ++k) {
+    const Pose pose = any_pose(random, 0.6);
+    Extended q_e{}, standing{};
+    CHECK(extended(Level::ideal, measured, pose, q_e));
+    Joint q = motors_of(measured, q_e), arm{};
+    for (int i = 0; i < motors; ++i) arm[i] = motor_position(measured.chain[i], q[i]);
+    const Pose seen = placed(measured, pose);
+    CHECK(read_standing(measured, to_full({seen.D, seen.R, 0}), arm, arm, standing));
+    for (int i = 0; i < motors; ++i) CHECK_NEAR(standing[i], q[i], 1e-12);
+    for (int j = 0; j < n; ++j)
+      for (const Extended& read : {q_e, standing})
+        CHECK_NEAR(read[motors + j], (1.5 - j) * pose.D[j] - 0.1, 1e-9);
+  }
+}

@@ -216,6 +216,31 @@ TEST("H_x is the derivative of every reading along the free twist, the motors fo
   });
 }
 
+TEST("an encoder on the tool's pivot reads θ at either level while the axes are exact") {
+  Robot robot = h4().robot;
+  robot.r = 2;
+  for (int bar = 0; bar < 2; ++bar) {
+    robot.sensor[bar] = {};
+    robot.sensor[bar].bar = bar;
+    robot.sensor[bar].gain = 1.5;
+    robot.sensor[bar].offset = 0.1;
+  }
+  CHECK(finish(robot) && finish_full(robot));
+  check::Random random(53);
+  for (int sample = 0; sample < 20; ++sample) {
+    const Pose pose = to_pose(robot.mobility, random_pose(h4(), random));
+    for (const bool full : {false, true})
+      for (int k = 0; k < 2; ++k)
+        CHECK_NEAR(read_at(full, robot, pose).q_e[4 + k], 1.5 * pose.theta - 0.1, 1e-9);
+  }
+}
+
+TEST("a count is the nearest multiple of the step; a step of 0 rounds nothing") {
+  CHECK_NEAR(quantized(0.37, 0.1), 0.4, 1e-15);
+  CHECK_NEAR(quantized(-0.37, 0.1), -0.4, 1e-15);
+  CHECK_NEAR(quantized(0.37, 0), 0.37, 0);
+}
+
 TEST("every reading's derivative along every parameter is that of its finite differences") {
   for_each_with_sensors([](bool full, const Mechanism& mechanism, const Robot& robot) {
     const Mobility K = mechanism.robot.mobility;
