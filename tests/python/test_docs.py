@@ -29,6 +29,10 @@ def test_the_reference_has_every_shorthand(site):
     assert all(f"| `{key}` |" in site["generate"].robot_file() for key in SHORTHAND)
 
 
+def test_the_generated_pages_are_those_of_the_code(site):
+    assert not site["generate"].stale(), "run python docs/site/generate.py"
+
+
 def pages() -> list[Path]:
     beside = ("*.md", "*/README.md", "robots/*/README.md", "benchmarks/**/README.md")
     return sorted({*ROOT.glob("docs/**/*.md"), *(page for at in beside for page in ROOT.glob(at))})
@@ -155,7 +159,7 @@ def test_a_documented_script_has_the_options_of_its_pages(script):
 
 
 needs_sphinx = pytest.mark.skipif(
-    not all(map(importlib.util.find_spec, ("sphinx", "myst_nb", "furo", "breathe", "numpydoc"))),
+    not all(map(importlib.util.find_spec, ("sphinx", "myst_parser", "furo", "breathe", "numpydoc"))),
     reason='needs pip install "truepose[docs]"; `make docs` makes the same checks',
 )
 
