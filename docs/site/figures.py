@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import matplotlib as mpl
 import numpy as np
@@ -17,6 +18,7 @@ from truepose.show.table import as_csv
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
+CALIBRATED = "#1b7837"
 
 
 def five_bar() -> Figure:
@@ -42,6 +44,75 @@ def five_bar() -> Figure:
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.margins(0.08)
+    return figure
+
+
+#: The five-bar with a draw-wire, and rods of a workshop; all assumed.
+WIRED = """
+based_on = "five-bar"
+name = "five-bar with a draw-wire"
+sensors = ["wire"]
+
+[[sensor]]
+name = "wire"
+kind = "distance"
+origin = [0.15, 0.45, 0]
+resolution = 20e-6
+
+[tolerances]
+"chain*.rod" = { sigma = 0.0015 }
+"""
+
+
+def before_after() -> Figure:
+    """A five-bar with one rod 3 mm too long, and its error before and after calibration."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "wired.toml")
+        file.write_text(WIRED, encoding="utf-8")
+        nominal = tp.load(file)
+    rod, box = nominal.parameters["chain1.rod"].value, nominal.spec.workspace
+    real = nominal.replace({"chain1.rod": rod + 0.003})
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (40, 2))
+    found = tp.calibrate(nominal, real.read(poses, seed=1)).robot
+    figure = Figure(figsize=(5, 3), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
+
+    wire, q = np.array(nominal.spec.sensor[0].origin[:2]), nominal.ikm(nominal.home)
+    longer = nominal.replace({"chain1.rod": rod + 0.03})
+    for robot, colour, style in ((nominal, DRAWN, "--"), (longer, REAL, "-")):
+        tool = robot.fkm(q)
+        for k, chain in enumerate(robot.spec.chain):
+            base = np.array(chain.base[:2])
+            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
+            left.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
+            left.plot(*base, "s", color="black", ms=8)
+        left.plot(*tool, "o", color=colour, ms=7, zorder=4)
+    left.plot(*np.transpose([wire, tool]), ":", color=COLOURS["sensor"], lw=2)
+    left.plot(*wire, "o", color=COLOURS["sensor"], ms=6)
+    left.text(0.12, 0.38, "sensor", color=COLOURS["sensor"])
+    left.text(0, -0.04, "motors as commanded", ha="center", va="top")
+    left.text(-0.02, 0.35, "real tool", color=REAL, ha="right")
+    left.text(0.0, 0.225, "model", color=DRAWN, ha="center")
+    left.set_title("One rod is too long\n(error drawn × 10)", fontsize=10)
+    left.set_aspect("equal")
+    left.set_axis_off()
+    left.margins(0.02, 0.06)
+
+    turn = np.linspace(0, 2 * np.pi, 181)
+    circle = nominal.home + 0.045 * np.transpose([np.cos(turn), np.sin(turn)])
+    runs = (("before", nominal, REAL, 2.15), ("calibrated", found, CALIBRATED, 0.35))
+    for name, robot, colour, at in runs:
+        error = 1e3 * np.linalg.norm(tp.steady_state(robot, real, circle, "joint") - circle, axis=1)
+        right.plot(np.degrees(turn), error, color=colour, lw=2, label=name)
+        rms = f"{np.sqrt((error**2).mean()):.2f} mm rms"
+        right.text(
+            180, at, f"{name}\n{rms}", color=colour, ha="center", va="bottom", linespacing=1.3
+        )
+    right.set_title("Error of the tool (mm)", fontsize=10)
+    right.set_xlabel("place on a circle (°)")
+    right.set_xticks(range(0, 361, 90))
+    right.set_ylim(0)
+    right.grid(color="0.92")
     return figure
 
 
@@ -198,7 +269,7 @@ def chain() -> Figure:
     return figure
 
 
-DRAWN_BY = (chain, five_bar, rest, over_table_2)
+DRAWN_BY = (chain, five_bar, before_after, rest, over_table_2)
 
 
 def points(figure: Figure) -> Iterator[dict]:
