@@ -159,7 +159,9 @@ def test_a_documented_script_has_the_options_of_its_pages(script):
 
 
 needs_sphinx = pytest.mark.skipif(
-    not all(map(importlib.util.find_spec, ("sphinx", "myst_parser", "furo", "breathe", "numpydoc"))),
+    not all(
+        map(importlib.util.find_spec, ("sphinx", "myst_parser", "furo", "breathe", "numpydoc"))
+    ),
     reason='needs pip install "truepose[docs]"; `make docs` makes the same checks',
 )
 

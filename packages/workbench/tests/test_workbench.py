@@ -509,7 +509,7 @@ def test_a_budget_chooses_sensors_that_robot_and_figures_have_at_once(page):
     assert f"200, {error}</title>" in design._said.content
     with page.doing():
         page.state = replace(page.state, terms=Terms(20, True, 0.9))
-    until(lambda: "kept by 90 % of robots" in design._said.content)
+    until(lambda: "90 % quantile of" in design._said.content)
     best = answers.within(design._front, 200.0)  # of robots that are calibrated
     until(lambda: page.state.drawn.sensors == best.sensors)
     until(lambda: f"{1e3 * best.error:.3g} mm" in design._said.content)
@@ -622,7 +622,7 @@ def test_a_platform_that_only_turns_has_neither_ellipsoids_nor_a_map_of_places()
         with served.doing():
             served.map = answers.MAPS[1]
         assert "no map: its platform only turns" in served._answers.content
-        until(lambda: "turn error kept by 95 % of robots" in served.tabs[0]._said.content)
+        until(lambda: "95 % quantile of the turn error" in served.tabs[0]._said.content)
     finally:
         served.stop()
 
