@@ -14,11 +14,27 @@ from matplotlib.figure import Figure
 import truepose as tp
 from truepose.robot.parts import COLOURS
 from truepose.robot.workspace import workspace_grid
+from truepose.show.charts import LAW_COLOURS
 from truepose.show.table import as_csv
 
 PICTURES = Path(__file__).parents[1] / "pictures"
-DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
-CALIBRATED = "#1b7837"
+DRAWN, REAL, CALIBRATED = "#5b6770", "#b3261e", "#1b7837"
+JOINT, TEJ, CARTESIAN = (LAW_COLOURS[law] for law in ("joint", "tej", "cartesian"))
+WIDE = 4.6  #: inches: readable on a phone
+
+
+def _tools(axes, nominal: tp.Robot, real: tp.Robot, q: np.ndarray) -> np.ndarray:
+    """Draw a five-bar, nominal and real, at the same motor angles; return its real tool."""
+    for robot, colour, style in ((nominal, DRAWN, "--"), (real, REAL, "-")):
+        tool = robot.fkm(q)
+        for k, chain in enumerate(robot.spec.chain):
+            base = np.array(chain.base[:2])
+            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
+            axes.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
+            axes.plot(*elbow, "o", color=colour, ms=4)
+            axes.plot(*base, "s", color="black", ms=9)
+        axes.plot(*tool, "o", color=colour, ms=8, zorder=4)
+    return tool
 
 
 def five_bar() -> Figure:
@@ -28,15 +44,7 @@ def five_bar() -> Figure:
     q = drawn.ikm(drawn.home)
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
     axes = figure.subplots()
-    for robot, colour, style in ((drawn, DRAWN, "--"), (real, REAL, "-")):
-        tool = robot.fkm(q)
-        for k, chain in enumerate(robot.spec.chain):
-            base = np.array(chain.base[:2])
-            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
-            axes.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
-            axes.plot(*elbow, "o", color=colour, ms=4)
-            axes.plot(*base, "s", color="black", ms=9)
-        axes.plot(*tool, "o", color=colour, ms=8)
+    _tools(axes, drawn, real, q)
     axes.text(-0.005, 0.245, "where the model\nhas the tool", color=DRAWN, ha="center", va="top")
     axes.text(0.045, 0.325, "where it is", color=REAL)
     axes.text(-0.135, 0.265, "rod 1,\ntoo long", color=REAL, ha="right")
@@ -79,14 +87,7 @@ def before_after() -> Figure:
 
     wire, q = np.array(nominal.spec.sensor[0].origin[:2]), nominal.ikm(nominal.home)
     longer = nominal.replace({"chain1.rod": rod + 0.03})
-    for robot, colour, style in ((nominal, DRAWN, "--"), (longer, REAL, "-")):
-        tool = robot.fkm(q)
-        for k, chain in enumerate(robot.spec.chain):
-            base = np.array(chain.base[:2])
-            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
-            left.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
-            left.plot(*base, "s", color="black", ms=8)
-        left.plot(*tool, "o", color=colour, ms=7, zorder=4)
+    tool = _tools(left, nominal, longer, q)
     left.plot(*np.transpose([wire, tool]), ":", color=COLOURS["sensor"], lw=2)
     left.plot(*wire, "o", color=COLOURS["sensor"], ms=6)
     left.text(0.12, 0.38, "sensor", color=COLOURS["sensor"])
@@ -123,9 +124,9 @@ def rest() -> Figure:
     j = h4.jacobian(x_d)[3]
     slope = np.linalg.norm(j)
     laws = {
-        "joint": ("usual control:\nmotors right", "black", (-86, 4)),
+        "joint": ("usual control:\nmotors right", JOINT, (-86, 4)),
         "tej": ("TEJ: nearest to 0", TEJ, (-108, 6)),
-        "cartesian": ("Cartesian: θ right", OTHER, (-108, -14)),
+        "cartesian": ("Cartesian: θ right", CARTESIAN, (-108, -14)),
     }
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
     axes = figure.subplots()
@@ -135,20 +136,20 @@ def rest() -> Figure:
         e_q, e_theta = np.degrees((h4.ikm(x_d) - real.ikm(x)) @ j) / slope, np.degrees(x_d - x)[3]
         if law == "joint":
             axes.plot(along, slope * along, color=DRAWN, ls="--", lw=1.5)
-            axes.plot(along, e_theta + slope * along, color=REAL, lw=1.5)
+            axes.plot(along, e_theta + slope * along, color="black", lw=1.5)
         if law == "tej":
             axes.plot([0, e_q], [0, e_theta], color=TEJ, lw=1.5)
         axes.plot(e_q, e_theta, "o", color=colour, ms=8, zorder=3)
         axes.annotate(name, (e_q, e_theta), place, textcoords="offset points", color=colour)
-    axes.text(0.38, 1.0, "what the\nmodel allows", color=DRAWN)
-    axes.text(-0.36, 1.1, "what the\nreal robot does", color=REAL, ha="right")
+    axes.text(0.38, 1.0, "poses of\nthe model", color=DRAWN)
+    axes.text(-0.36, 1.1, "poses of\nthe real robot", color="black", ha="right")
     axes.axhline(0, color="black", lw=0.6)
     axes.axvline(0, color="black", lw=0.6)
     axes.set_aspect("equal")
     axes.set_xlim(-1.7, 1.3)
     axes.set_ylim(-0.6, 2.2)
-    axes.set_xlabel("motors' error along j (degrees)")
-    axes.set_ylabel("θ's error (degrees)")
+    axes.set_xlabel("error of the motors along j (degrees)")
+    axes.set_ylabel("error of θ (degrees)")
     return figure
 
 
@@ -159,10 +160,10 @@ def over_table_2() -> Figure:
     usual, tej = (tp.steady_state(h4, true, poses, law) for law in ("joint", "tej"))
     learnt = tp.calibrate(h4, true.extended_positions(usual)).robot
     found = tp.steady_state(learnt, true, poses, "cartesian")
-    figure = Figure(figsize=(6.4, 2.9), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure = Figure(figsize=(WIDE, 5.4), layout="constrained")
+    left, right = figure.subplots(2, 1)
     share = 100 * np.arange(1, len(poses) + 1) / len(poses)
-    runs = (("usual", usual, "black"), ("TEJ", tej, TEJ), ("self-calibrated", found, OTHER))
+    runs = (("usual", usual, JOINT), ("TEJ", tej, TEJ), ("self-calibrated", found, "black"))
     for name, x, colour in runs:
         error = np.abs(x - poses)
         position = 1e3 * np.linalg.norm(error[:, :3], axis=1)
@@ -170,10 +171,11 @@ def over_table_2() -> Figure:
         right.semilogx(np.sort(position), share, color=colour)
     left.set_xlabel("error of θ (degrees)")
     right.set_xlabel("error of the position (mm)")
-    left.set_ylabel("poses with less (%)")
-    figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
-    )
+    for axes in (left, right):
+        axes.set_ylabel("share of poses below (%)")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.grid(color="0.92")
+    left.legend(loc="upper left", fontsize=9, frameon=False)
     return figure
 
 

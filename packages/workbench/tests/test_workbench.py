@@ -24,7 +24,8 @@ from truepose.design.error_budget import errors_at
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.robot import LAWS, summed
 from truepose.robot.frames import frames
-from truepose_workbench import answers, charts, log_tab, motion_tab, serve, words
+from truepose.show.charts import LAW_COLOURS
+from truepose_workbench import answers, log_tab, motion_tab, serve, words
 from truepose_workbench.scene import Scene
 from truepose_workbench.state import (
     Terms,
@@ -192,7 +193,7 @@ def seen_by_protan_and_deutan(colour):
         yield np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-@pytest.mark.parametrize("colours", [charts.LAW_COLOURS, motion_tab.LIGHTS], ids=["laws", "lights"])
+@pytest.mark.parametrize("colours", [LAW_COLOURS, motion_tab.LIGHTS], ids=["laws", "lights"])
 def test_colours_differ_for_colour_blind_readers(colours):
     for one, other in itertools.combinations(colours.values(), 2):
         pairs = zip(seen_by_protan_and_deutan(one), seen_by_protan_and_deutan(other), strict=True)

@@ -1,7 +1,7 @@
 """Pictures of the workbench: docs/pictures/workbench.png, -phone.png, and the animation .webp.
 
-Run as ``python packages/workbench/tools/pictures.py [FOLDER]``; needs playwright, Pillow and Debian's
-chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
+Run as ``python packages/workbench/tools/pictures.py [FOLDER]``; needs playwright, Pillow and
+Debian's chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
 """
 
 import io
