@@ -31,6 +31,7 @@ LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^()\s#:]+)(#[^()\s]*)?\
 #: Pages under another one in the table of contents.
 UNDER = {
     "cli.md": "packages/*/readme",
+    "contributing.md": "security",
     "cpp.md": "cpp-reference",
     "python.md": "python/*",
     "reference-results.md": "references/*",
@@ -54,6 +55,7 @@ def pages() -> dict[Path, str]:
         "README.md": "index.md",
         "CHANGELOG.md": "changelog.md",
         "CONTRIBUTING.md": "contributing.md",
+        "SECURITY.md": "security.md",
         "benchmarks/README.md": "benchmarks.md",
         "examples/README.md": "examples.md",
         "benchmarks/pkm-calibration/README.md": "pkm-calibration.md",
