@@ -219,7 +219,7 @@ def _in_full(group) -> None:
             _in_full(command)
             of_package = not command.commands
         else:
-            of_package = not command.callback.__module__.startswith("truepose.")
+            of_package = command.hidden or "truepose." not in command.callback.__module__
         if of_package:
             del group.commands[name]
 
