@@ -33,6 +33,15 @@ def test_the_generated_pages_are_those_of_the_code(site):
     assert not site["generate"].stale(), "run python docs/site/generate.py"
 
 
+def test_the_c_reference_has_every_function_and_type(site):
+    page = site["generate"].c_reference()
+    for header in site["generate"].C_HEADERS:
+        text = (ROOT / header).read_text(encoding="utf-8")
+        names = re.findall(r"TRUEPOSE_API[^;(]*?(truepose_\w+)\(|^\} (truepose_\w+);", text, re.M)
+        lost = [name for found in names for name in found if name not in page]
+        assert len(names) > 5 and not lost
+
+
 def pages() -> list[Path]:
     beside = ("*.md", "*/README.md", "robots/*/README.md", "benchmarks/**/README.md")
     return sorted({*ROOT.glob("docs/**/*.md"), *(page for at in beside for page in ROOT.glob(at))})
