@@ -39,7 +39,7 @@ def test_the_c_reference_has_every_function_and_type(site):
         text = (ROOT / header).read_text(encoding="utf-8")
         names = re.findall(r"TRUEPOSE_API[^;(]*?(truepose_\w+)\(|^\} (truepose_\w+);", text, re.M)
         lost = [name for found in names for name in found if name not in page]
-        assert len(names) > 5 and not lost
+        assert names and not lost
 
 
 def pages() -> list[Path]:
