@@ -203,7 +203,15 @@ def main() -> None:
               f"{ratio.max():.2f})")  # fmt: skip
 
     if given.drawn:
-        nees, each = zip(*(drawn(robot, seed) for seed in range(given.drawn)), strict=True)
+        nees, each = [], []
+        for seed in range(given.drawn):
+            try:
+                squared, misses = drawn(robot, seed)
+            except tp.PoseError as error:
+                print(f"hexapod {seed}: {error}")
+                continue
+            nees.append(squared)
+            each.append(misses)
         apart = np.sqrt(2 / (48 * len(nees)))
         print(f"{len(nees)} sampled hexapods, {POSES} poses each: NEES/48 of the parameters "
               f"{np.mean(nees):.3f} (1 ± {apart:.3f}); {OTHERS} other poses each, rms over the "
