@@ -82,15 +82,17 @@ def pages() -> dict[Path, str]:
 def relinked(text: str, source: Path, target: str, copy: Callable[[Path], str]) -> str:
     """Make links between files links between pages.
 
-    `copy` says where a file that is no page stands in the site. A link that leads nowhere stays
-    as it is, for Sphinx to name.
+    `copy` says where a file that is no page stands in the site. A link to a folder becomes its
+    text. A link that leads nowhere stays as it is, for Sphinx to report.
     """
     known = pages()
 
     def moved(link: re.Match) -> str:
         to = (source.parent / link[2]).resolve()
-        to = to / "README.md" if to.is_dir() else to
         text = link[1][0] + LINK.sub(moved, link[1][1:])  # an image may be the text of a link
+        if to.is_dir() and not (to / "README.md").is_file():
+            return text[1:-1]  # a folder is no page
+        to = to / "README.md" if to.is_dir() else to
         if not to.is_file() or not to.is_relative_to(ROOT):
             return text + link[0][len(link[1]) :]
         there = known.get(to) or copy(to)

@@ -57,10 +57,10 @@ def test_no_link_between_files_is_dead(site, page):
 def test_links_between_files_become_links_between_pages(site, tmp_path):
     make, asked = site["make"], []
     source = make.DOCS / "x.md"
-    text = "[a](model.md#two-levels) [c](no.md) "
+    text = "[a](model.md#two-levels) [c](no.md) [d](../robots/) "
     text += "[![b](../robots/h4/picture.png)](../robots/h4/README.md)"
     moved = make.relinked(text, source, "cpp/x.md", lambda file: asked.append(file) or "files/it")
-    assert moved == "[a](../model.md#two-levels) [c](no.md) [![b](../files/it)](../robots/h4.md)"
+    assert moved == "[a](../model.md#two-levels) [c](no.md) d [![b](../files/it)](../robots/h4.md)"
     assert [file.name for file in asked] == ["picture.png"]
 
 
