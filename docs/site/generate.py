@@ -317,7 +317,7 @@ def _signature(thing) -> str:
     keywords = [one for one in given if one.name != "self" and one.kind == one.KEYWORD_ONLY]
     if keywords and not any(one.kind == one.VAR_POSITIONAL for one in given):
         shown.insert(len(shown) - len(keywords), "*")
-    return f"({', '.join(shown)})".replace("'…'", "…")
+    return f"({', '.join(shown)})".replace("'…'", "…").replace("<factory>", "…")
 
 
 def python_pages() -> dict[str, str]:
