@@ -146,14 +146,15 @@ def over_bound(each: list[Misses]) -> np.ndarray:
 
 def picture(misses: dict[str, Misses]) -> Figure:
     """Plot the sorted errors of all poses: nominal, and calibrated without the pose."""
-    figure = Figure(figsize=(7.2, 3.2), layout="constrained")
-    position, angle = figure.subplots(1, 2)
+    figure = Figure(figsize=(4.6, 4.8), layout="constrained")  # readable on a phone
+    position, angle = figure.subplots(2, 1)
     for name, colour in (("nominal, registered", "#b3261e"), (list(MODELS)[-1], "#1455a4")):
         for axes, values in ((position, misses[name].position), (angle, misses[name].angle)):
             axes.plot(np.arange(1, len(values) + 1), np.sort(values), color=colour, label=name)
-    for axes, what in ((position, "position, mm"), (angle, "orientation, °")):
-        axes.set_xlabel("poses, smallest error first")
-        axes.set_ylabel(f"error of a held-out pose: {what}")
+    for axes, what in ((position, "position error (mm)"), (angle, "orientation error (°)")):
+        axes.set_xlabel("held-out poses, smallest error first")
+        axes.set_ylabel(what)
+        axes.grid(color="0.92")
         axes.set_ylim(0)
     position.legend(frameon=False)
     return figure
@@ -202,7 +203,15 @@ def main() -> None:
               f"{ratio.max():.2f})")  # fmt: skip
 
     if given.drawn:
-        nees, each = zip(*(drawn(robot, seed) for seed in range(given.drawn)), strict=True)
+        nees, each = [], []
+        for seed in range(given.drawn):
+            try:
+                squared, misses = drawn(robot, seed)
+            except tp.PoseError as error:
+                print(f"hexapod {seed}: {error}")
+                continue
+            nees.append(squared)
+            each.append(misses)
         apart = np.sqrt(2 / (48 * len(nees)))
         print(f"{len(nees)} sampled hexapods, {POSES} poses each: NEES/48 of the parameters "
               f"{np.mean(nees):.3f} (1 ± {apart:.3f}); {OTHERS} other poses each, rms over the "

@@ -1,4 +1,4 @@
-"""Tables of docs/accuracy.md: calibrations of many H4s against their bound.
+"""Figures of docs/accuracy.md: calibrations of many H4s against their bound.
 
 Real robots with each rod on its own, at the defaults; ideal robots with one rod per chain, with a
 calibration that assumes this; and both with the ideal level and its model error.

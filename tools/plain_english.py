@@ -1,4 +1,7 @@
-"""Check of headings, module lines and expressions against the rules of plain English."""
+"""Check of headings, module lines, expressions and semicolons against the rules of plain English.
+
+`--semicolons` prints each page's semicolons.
+"""
 
 import re
 import subprocess
@@ -14,6 +17,13 @@ BANNED = re.compile(
     r"\b(lies|cries wolf|swings? up|gives? way|touched off|touch off|betray(s|ed)|rehearse|stances?"
     r"|forgets|spoils|of what|what of it|less desired|not friction's|as drawn leaves)\b",
     re.IGNORECASE,
+)
+#: Pages whose semicolons are counted, and how many they may have together; None: any number.
+PAGES = ("README.md", "docs/*.md", "docs/guides/*.md", "packages/*/docs/*.md")
+SEMICOLONS: int | None = None  # 200 once every page is rewritten
+#: Code and comments in a page, and what is generated below its mark (docs/site/generate.py).
+NO_TEXT = re.compile(
+    r"<!-- Generated below.*|<!--.*?-->|^```.*?^```|^ {4}.*?$|`[^`]*`", re.DOTALL | re.MULTILINE
 )
 #: Files that are exempt: this list, and lists of old names.
 LISTS = ("tools/plain_english.py", "docs/renames.csv")
@@ -34,8 +44,15 @@ def banned(text: str) -> list[tuple[int, str]]:
     return [(k, m[0]) for k, line in lines for m in BANNED.finditer(re.sub(r"`[^`]*`", "", line))]
 
 
+def semicolons() -> dict[str, int]:
+    """Return the number of semicolons in the text of each page that has one."""
+    files = sorted(str(file) for pages in PAGES for file in Path().glob(pages))
+    counts = {file: NO_TEXT.sub("", Path(file).read_text("utf-8")).count(";") for file in files}
+    return {file: count for file, count in counts.items() if count}
+
+
 def main() -> int:
-    """Print every question and banned expression; return 1 if there is one."""
+    """Print every question, banned expression and excess of semicolons; return 1 if any."""
     listed = subprocess.run(["git", "ls-files"], capture_output=True, text=True, check=True).stdout
     found = []
     for file in listed.splitlines():
@@ -45,6 +62,12 @@ def main() -> int:
         text = Path(file).read_text(encoding="utf-8")
         found += [f"{file}:{k}: a question; state the subject" for k in questions(text, ending)]
         found += [f'{file}:{k}: "{words}"; see CONTRIBUTING.md' for k, words in banned(text)]
+    counts = semicolons()
+    if "--semicolons" in sys.argv:
+        print(*(f"{count:4d} {file}" for file, count in counts.items()), sep="\n")
+        print(f"{sum(counts.values()):4d} in all")
+    if SEMICOLONS is not None and sum(counts.values()) > SEMICOLONS:
+        found.append(f"{sum(counts.values())} semicolons in the pages, at most {SEMICOLONS}")
     print(*found, sep="\n", end="\n" * bool(found))
     return bool(found)
 

@@ -9,6 +9,7 @@ import sys
 import tomllib
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import grimp
 import numpy as np
@@ -47,19 +48,20 @@ def draw() -> Figure:
     """Draw the matrix: numbers in a row are imports from the columns' rooms."""
     modules, arrows = imports()
     listed = rooms()
-    figure = Figure(figsize=(8.4, 6.6), layout="constrained")
+    figure = Figure(figsize=(5.6, 4.8), layout="constrained")
     axes = figure.subplots()
     counts = np.array([[arrows[row, column] for column in listed] for row in listed], float)
     shown = np.where(counts > 0, counts, np.nan)
     axes.imshow(np.log(1 + shown), cmap="Blues", vmin=0, vmax=2 * np.log(1 + counts.max()))
+    middle: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8}
     for row, column in zip(*np.nonzero(counts), strict=True):
         colour = "black" if column > row else "#b3261e"
-        axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", color=colour)
+        axes.text(column, row, f"{counts[row, column]:.0f}", **middle, color=colour)
     names = [f"{room} ({modules[room]})" for room in listed]
     axes.set_xticks(range(len(listed)), listed, rotation=45, ha="left")
     axes.set_yticks(range(len(listed)), names)
     axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
-    axes.set_ylabel("room (modules) that imports")
+    axes.set_ylabel("importing room (modules)")
     return figure
 
 

@@ -12,18 +12,12 @@ author = "the truepose authors"
 project_copyright = "the truepose authors; MIT licence"
 version = release = version_of("truepose")
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "breathe", "equations"]
-exclude_patterns = ["generated"]  # these are included
+extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "breathe", "equations"]
 highlight_language = "none"  # a block without a language is an equation, or for a shell
 toc_object_entries = False  # breathe adds them all the same: see setup
 
 myst_enable_extensions = ["attrs_block", "dollarmath"]
 myst_heading_anchors = 4
-
-nb_execution_in_temp = True
-nb_execution_mode = "force"
-nb_execution_raise_on_error = True
-nb_merge_streams = True
 
 autodoc_typehints = "none"  # numpydoc's sections name the types
 autodoc_member_order = "groupwise"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import matplotlib as mpl
 import numpy as np
@@ -13,10 +14,27 @@ from matplotlib.figure import Figure
 import truepose as tp
 from truepose.robot.parts import COLOURS
 from truepose.robot.workspace import workspace_grid
+from truepose.show.charts import LAW_COLOURS
 from truepose.show.table import as_csv
 
 PICTURES = Path(__file__).parents[1] / "pictures"
-DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
+DRAWN, REAL, CALIBRATED = "#5b6770", "#b3261e", "#1b7837"
+JOINT, TEJ, CARTESIAN = (LAW_COLOURS[law] for law in ("joint", "tej", "cartesian"))
+WIDE = 4.6  #: inches: readable on a phone
+
+
+def _tools(axes, nominal: tp.Robot, real: tp.Robot, q: np.ndarray) -> np.ndarray:
+    """Draw a five-bar, nominal and real, at the same motor angles; return its real tool."""
+    for robot, colour, style in ((nominal, DRAWN, "--"), (real, REAL, "-")):
+        tool = robot.fkm(q)
+        for k, chain in enumerate(robot.spec.chain):
+            base = np.array(chain.base[:2])
+            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
+            axes.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
+            axes.plot(*elbow, "o", color=colour, ms=4)
+            axes.plot(*base, "s", color="black", ms=9)
+        axes.plot(*tool, "o", color=colour, ms=8, zorder=4)
+    return tool
 
 
 def five_bar() -> Figure:
@@ -26,15 +44,7 @@ def five_bar() -> Figure:
     q = drawn.ikm(drawn.home)
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
     axes = figure.subplots()
-    for robot, colour, style in ((drawn, DRAWN, "--"), (real, REAL, "-")):
-        tool = robot.fkm(q)
-        for k, chain in enumerate(robot.spec.chain):
-            base = np.array(chain.base[:2])
-            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
-            axes.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
-            axes.plot(*elbow, "o", color=colour, ms=4)
-            axes.plot(*base, "s", color="black", ms=9)
-        axes.plot(*tool, "o", color=colour, ms=8)
+    _tools(axes, drawn, real, q)
     axes.text(-0.005, 0.245, "where the model\nhas the tool", color=DRAWN, ha="center", va="top")
     axes.text(0.045, 0.325, "where it is", color=REAL)
     axes.text(-0.135, 0.265, "rod 1,\ntoo long", color=REAL, ha="right")
@@ -45,6 +55,68 @@ def five_bar() -> Figure:
     return figure
 
 
+#: The five-bar with a draw-wire, and rods of a workshop; all assumed.
+WIRED = """
+based_on = "five-bar"
+name = "five-bar with a draw-wire"
+sensors = ["wire"]
+
+[[sensor]]
+name = "wire"
+kind = "distance"
+origin = [0.15, 0.45, 0]
+resolution = 20e-6
+
+[tolerances]
+"chain*.rod" = { sigma = 0.0015 }
+"""
+
+
+def before_after() -> Figure:
+    """A five-bar with one rod 3 mm too long, and its error before and after calibration."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "wired.toml")
+        file.write_text(WIRED, encoding="utf-8")
+        nominal = tp.load(file)
+    rod, box = nominal.parameters["chain1.rod"].value, nominal.spec.workspace
+    real = nominal.replace({"chain1.rod": rod + 0.003})
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (40, 2))
+    found = tp.calibrate(nominal, real.read(poses, seed=1)).robot
+    figure = Figure(figsize=(5, 3), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
+
+    wire, q = np.array(nominal.spec.sensor[0].origin[:2]), nominal.ikm(nominal.home)
+    longer = nominal.replace({"chain1.rod": rod + 0.03})
+    tool = _tools(left, nominal, longer, q)
+    left.plot(*np.transpose([wire, tool]), ":", color=COLOURS["sensor"], lw=2)
+    left.plot(*wire, "o", color=COLOURS["sensor"], ms=6)
+    left.text(0.12, 0.38, "sensor", color=COLOURS["sensor"])
+    left.text(0, -0.04, "motors as commanded", ha="center", va="top")
+    left.text(-0.02, 0.35, "real tool", color=REAL, ha="right")
+    left.text(0.0, 0.225, "model", color=DRAWN, ha="center")
+    left.set_title("One rod is too long\n(error drawn × 10)", fontsize=10)
+    left.set_aspect("equal")
+    left.set_axis_off()
+    left.margins(0.02, 0.06)
+
+    turn = np.linspace(0, 2 * np.pi, 181)
+    circle = nominal.home + 0.045 * np.transpose([np.cos(turn), np.sin(turn)])
+    runs = (("before", nominal, REAL, 2.15), ("calibrated", found, CALIBRATED, 0.35))
+    for name, robot, colour, at in runs:
+        error = 1e3 * np.linalg.norm(tp.steady_state(robot, real, circle, "joint") - circle, axis=1)
+        right.plot(np.degrees(turn), error, color=colour, lw=2, label=name)
+        rms = f"{np.sqrt((error**2).mean()):.2f} mm rms"
+        right.text(
+            180, at, f"{name}\n{rms}", color=colour, ha="center", va="bottom", linespacing=1.3
+        )
+    right.set_title("Error of the tool (mm)", fontsize=10)
+    right.set_xlabel("place on a circle (°)")
+    right.set_xticks(range(0, 361, 90))
+    right.set_ylim(0)
+    right.grid(color="0.92")
+    return figure
+
+
 def rest() -> Figure:
     """Where three laws come to rest: motors' error along j, and θ's."""
     h4, x_d = tp.load("h4"), np.array([0.05, 0.05, -0.40, 0.20])
@@ -52,9 +124,9 @@ def rest() -> Figure:
     j = h4.jacobian(x_d)[3]
     slope = np.linalg.norm(j)
     laws = {
-        "joint": ("usual control:\nmotors right", "black", (-86, 4)),
+        "joint": ("usual control:\nmotors right", JOINT, (-86, 4)),
         "tej": ("TEJ: nearest to 0", TEJ, (-108, 6)),
-        "cartesian": ("Cartesian: θ right", OTHER, (-108, -14)),
+        "cartesian": ("Cartesian: θ right", CARTESIAN, (-108, -14)),
     }
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
     axes = figure.subplots()
@@ -64,20 +136,20 @@ def rest() -> Figure:
         e_q, e_theta = np.degrees((h4.ikm(x_d) - real.ikm(x)) @ j) / slope, np.degrees(x_d - x)[3]
         if law == "joint":
             axes.plot(along, slope * along, color=DRAWN, ls="--", lw=1.5)
-            axes.plot(along, e_theta + slope * along, color=REAL, lw=1.5)
+            axes.plot(along, e_theta + slope * along, color="black", lw=1.5)
         if law == "tej":
             axes.plot([0, e_q], [0, e_theta], color=TEJ, lw=1.5)
         axes.plot(e_q, e_theta, "o", color=colour, ms=8, zorder=3)
         axes.annotate(name, (e_q, e_theta), place, textcoords="offset points", color=colour)
-    axes.text(0.38, 1.0, "what the\nmodel allows", color=DRAWN)
-    axes.text(-0.36, 1.1, "what the\nreal robot does", color=REAL, ha="right")
+    axes.text(0.38, 1.0, "poses of\nthe model", color=DRAWN)
+    axes.text(-0.36, 1.1, "poses of\nthe real robot", color="black", ha="right")
     axes.axhline(0, color="black", lw=0.6)
     axes.axvline(0, color="black", lw=0.6)
     axes.set_aspect("equal")
     axes.set_xlim(-1.7, 1.3)
     axes.set_ylim(-0.6, 2.2)
-    axes.set_xlabel("motors' error along j (degrees)")
-    axes.set_ylabel("θ's error (degrees)")
+    axes.set_xlabel("error of the motors along j (degrees)")
+    axes.set_ylabel("error of θ (degrees)")
     return figure
 
 
@@ -88,10 +160,10 @@ def over_table_2() -> Figure:
     usual, tej = (tp.steady_state(h4, true, poses, law) for law in ("joint", "tej"))
     learnt = tp.calibrate(h4, true.extended_positions(usual)).robot
     found = tp.steady_state(learnt, true, poses, "cartesian")
-    figure = Figure(figsize=(6.4, 2.9), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure = Figure(figsize=(WIDE, 5.4), layout="constrained")
+    left, right = figure.subplots(2, 1)
     share = 100 * np.arange(1, len(poses) + 1) / len(poses)
-    runs = (("usual", usual, "black"), ("TEJ", tej, TEJ), ("self-calibrated", found, OTHER))
+    runs = (("usual", usual, JOINT), ("TEJ", tej, TEJ), ("self-calibrated", found, "black"))
     for name, x, colour in runs:
         error = np.abs(x - poses)
         position = 1e3 * np.linalg.norm(error[:, :3], axis=1)
@@ -99,10 +171,11 @@ def over_table_2() -> Figure:
         right.semilogx(np.sort(position), share, color=colour)
     left.set_xlabel("error of θ (degrees)")
     right.set_xlabel("error of the position (mm)")
-    left.set_ylabel("poses with less (%)")
-    figure.legend(
-        *left.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
-    )
+    for axes in (left, right):
+        axes.set_ylabel("share of poses below (%)")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.grid(color="0.92")
+    left.legend(loc="upper left", fontsize=9, frameon=False)
     return figure
 
 
@@ -198,7 +271,7 @@ def chain() -> Figure:
     return figure
 
 
-DRAWN_BY = (chain, five_bar, rest, over_table_2)
+DRAWN_BY = (chain, five_bar, before_after, rest, over_table_2)
 
 
 def points(figure: Figure) -> Iterator[dict]:

@@ -1,9 +1,10 @@
 """Build of the site from docs/. `python docs/site/make.py [FOLDER]`; `make docs` calls it.
 
 The pages are staged in build/site: those of docs/, those that live beside what they describe
-(benchmarks, examples, reference results, robots, changes), and what `generate.py` finds in the
-code; links between files become links between pages. Then Sphinx, whose warnings are errors, and a
-look at what the pages load: nothing may come from the network.
+(benchmarks, examples, reference results, robots, packages, changes), and references in full of
+Python and C++. Links between files become links between pages, the table of docs/index.md the
+table of contents. Then Sphinx runs, whose warnings are errors, and a check that the pages load
+nothing from the network.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Callable
 from html.parser import HTMLParser
 from os.path import relpath
 from pathlib import Path
+from textwrap import dedent
 
 import generate
 
@@ -25,6 +27,23 @@ DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
 #: A Markdown link or image to a file: text, path, anchor.
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^()\s#:]+)(#[^()\s]*)?\)")
 
+
+#: Pages under another one in the table of contents.
+UNDER = {
+    "cli.md": "packages/*/readme",
+    "contributing.md": "security",
+    "cpp.md": "cpp-reference",
+    "python.md": "python/*",
+    "reference-results.md": "references/*",
+    "robots.md": "robots/*",
+}
+#: Tables of their own style, by their headings.
+STYLES = {"| key | value | default |": "{.keys}", "| picture | robot |": "{.robots}"}
+#: An indented block, and the first line of one with shell commands.
+INDENTED = re.compile(r"(?<=\n\n)(?: {4}.*\n+)+")
+COMMAND = re.compile(
+    r" {4}(?:truepose|make|cd|python3?|pip|git|export|cmake|cp) |[A-Z_]+=| {4}\.venv/"
+)
 
 #: A doctest that ends with an empty line, as doctest wants it and a page does not.
 ENDED = re.compile(r"(^( *)```python\n(?:(?!```).)*?)\n+\2```$", re.DOTALL | re.MULTILINE)
@@ -36,6 +55,7 @@ def pages() -> dict[Path, str]:
         "README.md": "index.md",
         "CHANGELOG.md": "changelog.md",
         "CONTRIBUTING.md": "contributing.md",
+        "SECURITY.md": "security.md",
         "benchmarks/README.md": "benchmarks.md",
         "examples/README.md": "examples.md",
         "benchmarks/pkm-calibration/README.md": "pkm-calibration.md",
@@ -51,6 +71,10 @@ def pages() -> dict[Path, str]:
         for page in sorted((ROOT / "benchmarks" / "reference").glob("*/README.md"))
     }
     found |= {page: f"packages/{page.name}" for page in sorted(ROOT.glob("packages/*/docs/*.md"))}
+    found |= {
+        page: f"packages/{page.parent.name}/readme.md"
+        for page in sorted(ROOT.glob("packages/*/README.md"))
+    }
     own = sorted([*DOCS.glob("*.md"), *DOCS.glob("guides/*.md")])
     return found | {page: page.relative_to(DOCS).as_posix() for page in own}
 
@@ -58,21 +82,50 @@ def pages() -> dict[Path, str]:
 def relinked(text: str, source: Path, target: str, copy: Callable[[Path], str]) -> str:
     """Make links between files links between pages.
 
-    `copy` says where a file that is no page stands in the site. A link that leads nowhere stays
-    as it is, for Sphinx to name.
+    `copy` says where a file that is no page stands in the site. A link to a folder becomes its
+    text. A link that leads nowhere stays as it is, for Sphinx to report.
     """
     known = pages()
 
     def moved(link: re.Match) -> str:
         to = (source.parent / link[2]).resolve()
-        to = to / "README.md" if to.is_dir() else to
         text = link[1][0] + LINK.sub(moved, link[1][1:])  # an image may be the text of a link
+        if to.is_dir() and not (to / "README.md").is_file():
+            return text[1:-1]  # a folder is no page
+        to = to / "README.md" if to.is_dir() else to
         if not to.is_file() or not to.is_relative_to(ROOT):
             return text + link[0][len(link[1]) :]
         there = known.get(to) or copy(to)
         return f"{text}({relpath(there, Path(target).parent)}{link[3] or ''})"
 
     return LINK.sub(moved, text)
+
+
+def contents(*pages: str, caption: str = "") -> str:
+    """A hidden table of contents."""
+    options = ":hidden:\n:glob:\n" + f":caption: {caption}\n" * bool(caption)
+    return f"\n```{{toctree}}\n{options}\n" + "\n".join(pages) + "\n```\n"
+
+
+def staged(text: str, target: str) -> str:
+    """A page as Sphinx reads it: with tables of contents, styles, and languages of code."""
+    if target == "index.md":  # each row of its table is a part
+        for caption, row in re.findall(r"^\| \*\*(.*?)\*\* \|(.*)", text, re.MULTILINE):
+            links = [link[2].removesuffix(".md") for link in LINK.finditer(row)]
+            text += contents(*links, caption=caption)
+    if target in UNDER:
+        text += contents(UNDER[target])
+    for heading, style in STYLES.items():
+        text = text.replace(heading, f"{style}\n{heading}")
+    text = ENDED.sub(r"\1\n\2```", text)
+    return INDENTED.sub(_in_shell, text)
+
+
+def _in_shell(block: re.Match) -> str:
+    """An indented block, marked as shell if it begins with a command."""
+    if not COMMAND.match(block[0]):
+        return block[0]
+    return f"```sh\n{dedent(block[0]).strip()}\n```\n\n"
 
 
 def stage(out: Path, doxygen: bool) -> None:
@@ -93,11 +146,11 @@ def stage(out: Path, doxygen: bool) -> None:
 
     for source, target in pages().items():
         if source != ROOT / "README.md":  # docs/index.md takes its place
-            text = ENDED.sub(r"\1\n\2```", source.read_text(encoding="utf-8"))
-            write(target, relinked(text, source, target, copy).encode())
-    for name, text in generate.parts(doxygen).items():
-        target = name.removeprefix("generated/")  # links of an included part are its page's
-        write(name, relinked(text, DOCS / target, target, copy).encode())
+            text = relinked(source.read_text(encoding="utf-8"), source, target, copy)
+            write(target, staged(text, target).encode())
+    full = generate.python_pages() | {"cpp-reference.md": generate.cpp_page(doxygen)}
+    for name, text in full.items():
+        write(name, text.encode())
     for old in set(out.rglob("*")) - written:
         if old.is_file():
             old.unlink()

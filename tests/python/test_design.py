@@ -382,7 +382,7 @@ def test_the_commands_take_a_volume_or_poses(run, tmp_path):
     assert (status, err.count("\n")) == (2, 1) and "--poses, --volume: name one of them" in err
     status, out, err = run(*words, "--target", "8mm,0.4deg", "--robots", "20")
     assert status == 0 and "mm, 0.255°; the position limits" in out, out
-    assert "position and angle error kept by 95 % of robots" in " ".join(out.split())
+    assert "95 % quantile of the position and angle error" in " ".join(out.split())
 
 
 @pytest.mark.parametrize("option", ["--poses", "--calibrated"])

@@ -29,6 +29,19 @@ def test_the_reference_has_every_shorthand(site):
     assert all(f"| `{key}` |" in site["generate"].robot_file() for key in SHORTHAND)
 
 
+def test_the_generated_pages_are_those_of_the_code(site):
+    assert not site["generate"].stale(), "run python docs/site/generate.py"
+
+
+def test_the_c_reference_has_every_function_and_type(site):
+    page = site["generate"].c_reference()
+    for header in site["generate"].C_HEADERS:
+        text = (ROOT / header).read_text(encoding="utf-8")
+        names = re.findall(r"TRUEPOSE_API[^;(]*?(truepose_\w+)\(|^\} (truepose_\w+);", text, re.M)
+        lost = [name for found in names for name in found if name not in page]
+        assert names and not lost
+
+
 def pages() -> list[Path]:
     beside = ("*.md", "*/README.md", "robots/*/README.md", "benchmarks/**/README.md")
     return sorted({*ROOT.glob("docs/**/*.md"), *(page for at in beside for page in ROOT.glob(at))})
@@ -44,10 +57,10 @@ def test_no_link_between_files_is_dead(site, page):
 def test_links_between_files_become_links_between_pages(site, tmp_path):
     make, asked = site["make"], []
     source = make.DOCS / "x.md"
-    text = "[a](model.md#two-levels) [c](no.md) "
+    text = "[a](model.md#two-levels) [c](no.md) [d](../robots/) "
     text += "[![b](../robots/h4/picture.png)](../robots/h4/README.md)"
     moved = make.relinked(text, source, "cpp/x.md", lambda file: asked.append(file) or "files/it")
-    assert moved == "[a](../model.md#two-levels) [c](no.md) [![b](../files/it)](../robots/h4.md)"
+    assert moved == "[a](../model.md#two-levels) [c](no.md) d [![b](../files/it)](../robots/h4.md)"
     assert [file.name for file in asked] == ["picture.png"]
 
 
@@ -155,7 +168,9 @@ def test_a_documented_script_has_the_options_of_its_pages(script):
 
 
 needs_sphinx = pytest.mark.skipif(
-    not all(map(importlib.util.find_spec, ("sphinx", "myst_nb", "furo", "breathe", "numpydoc"))),
+    not all(
+        map(importlib.util.find_spec, ("sphinx", "myst_parser", "furo", "breathe", "numpydoc"))
+    ),
     reason='needs pip install "truepose[docs]"; `make docs` makes the same checks',
 )
 

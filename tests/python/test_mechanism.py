@@ -113,7 +113,7 @@ def test_too_few_and_too_many_chains(write, h4_text):
     fewer, more = h4_text.replace(last, ""), h4_text.replace(last, 6 * last)
     with refused(r"not 3; 1 of the platform's .* unconstrained", tp.RobotFileError):
         tp.load(write(fewer))
-    with refused("not 9; a robot has at most 8", tp.RobotFileError):
+    with refused("not 9; up to 8 motors", tp.RobotFileError):
         tp.load(write(more))
 
 

@@ -80,6 +80,23 @@ def test_the_components_pins_in_the_hal_file_are_those_that_they_make(chained_ro
     assert {re.sub(r"\.\d+\b", ".0", pin) for pin in used} <= there
 
 
+#: Names of pins on the page, one in each row.
+ON_PAGE = {"ONE": {"{}"}, "MOTOR": {"N.{}"}, "SENSOR": {"sensor.K.{}"}, "POSE": {"{}.N"}}
+ON_PAGE |= {"READING": {"N.{}", "sensor.K.{}"}, "AXIS": {"{}.x"}}
+
+
+@pytest.mark.parametrize("component", ["truepose_kins", "truepose_tej"])
+def test_the_page_lists_the_pins_of_a_component(component):
+    page = (SOURCES.parent / "docs/linuxcnc.md").read_text(encoding="utf-8")
+    section = page.split(f"## `{component}`\n")[1].split("\n## ")[0]
+    tables = re.findall(r"^\| (?:in|out)?(?:put )?pin .*\n\|.*\n((?:\|.*\n)+)", section, re.M)
+    cells = [line.split("|")[1] for table in tables for line in table.splitlines()]
+    source = (SOURCES / f"{component}.c").read_text(encoding="utf-8")
+    pins = re.findall(r'PIN\((\w+), [^"]*?"([^"]+)"', source)
+    made = {form.format(name) for row, name in pins for form in ON_PAGE[row]}
+    assert set(re.findall(r"`([^`]+)`", " ".join(cells))) == made
+
+
 def test_corrections_of_robots_within_their_tolerances_are_accepted(h4):
     """The largest correction is what 99.9 % of them need."""
     said = ini(configuration(h4))

@@ -100,7 +100,7 @@ def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
         if "wires" not in line.sensors:  # which say so much that few robots show no difference
             assert rms["self-calibrated"] < rms["weighted"]
         assert line.interval[0] <= rms["self-calibrated"] <= line.interval[1]
-    papers = [line for line in lines if line.tolerances == "paper"]
+    papers = [line for line in lines if line.tolerances == "file"]
     assert len({line.rms["joint"] for line in papers}) == 1
     assert papers[0].bound > papers[1].bound
-    assert tables.sensing(lines).rows[0][0] == "paper: θ"
+    assert tables.sensing(lines).rows[0][0] == "file: θ"

@@ -229,7 +229,7 @@ def test_an_experiment_comes_back_with_what_vision_measured(h4, logged, tmp_path
 
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level):
-    """The twin of docs/experiment.md, whose vision frame is 1.2° and 10 mm off the base."""
+    """The twin of docs/paper.md, whose vision frame is 1.2° and 10 mm off the base."""
     there = twin.shipped()
     run = there.run(h4, ("joint",))["joint"]
     logs.write(run, tmp_path / "experiment.csv")

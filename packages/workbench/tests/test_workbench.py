@@ -24,7 +24,8 @@ from truepose.design.error_budget import errors_at
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.robot import LAWS, summed
 from truepose.robot.frames import frames
-from truepose_workbench import answers, charts, log_tab, motion_tab, serve, words
+from truepose.show.charts import LAW_COLOURS
+from truepose_workbench import answers, log_tab, motion_tab, serve, words
 from truepose_workbench.scene import Scene
 from truepose_workbench.state import (
     Terms,
@@ -192,7 +193,7 @@ def seen_by_protan_and_deutan(colour):
         yield np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-@pytest.mark.parametrize("colours", [charts.LAW_COLOURS, motion_tab.LIGHTS], ids=["laws", "lights"])
+@pytest.mark.parametrize("colours", [LAW_COLOURS, motion_tab.LIGHTS], ids=["laws", "lights"])
 def test_colours_differ_for_colour_blind_readers(colours):
     for one, other in itertools.combinations(colours.values(), 2):
         pairs = zip(seen_by_protan_and_deutan(one), seen_by_protan_and_deutan(other), strict=True)
@@ -509,7 +510,7 @@ def test_a_budget_chooses_sensors_that_robot_and_figures_have_at_once(page):
     assert f"200, {error}</title>" in design._said.content
     with page.doing():
         page.state = replace(page.state, terms=Terms(20, True, 0.9))
-    until(lambda: "kept by 90 % of robots" in design._said.content)
+    until(lambda: "90 % quantile of" in design._said.content)
     best = answers.within(design._front, 200.0)  # of robots that are calibrated
     until(lambda: page.state.drawn.sensors == best.sensors)
     until(lambda: f"{1e3 * best.error:.3g} mm" in design._said.content)
@@ -622,7 +623,7 @@ def test_a_platform_that_only_turns_has_neither_ellipsoids_nor_a_map_of_places()
         with served.doing():
             served.map = answers.MAPS[1]
         assert "no map: its platform only turns" in served._answers.content
-        until(lambda: "turn error kept by 95 % of robots" in served.tabs[0]._said.content)
+        until(lambda: "95 % quantile of the turn error" in served.tabs[0]._said.content)
     finally:
         served.stop()
 

@@ -1,12 +1,13 @@
 """Pictures of the workbench: docs/pictures/workbench.png, -phone.png, and the animation .webp.
 
-Run as ``python packages/workbench/tools/pictures.py``; needs playwright, Pillow and Debian's
-chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
+Run as ``python packages/workbench/tools/pictures.py [FOLDER]``; needs playwright, Pillow and
+Debian's chromium (or another, named by CHROMIUM). Actions of a user are simulated on the page.
 """
 
 import io
 import os
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,9 @@ from playwright.sync_api import sync_playwright
 from truepose.robot import load
 from truepose.robot.frames import frames
 from truepose_workbench import serve
-from truepose_workbench.state import Terms, demonstration
+from truepose_workbench.state import Terms, begin, demonstration
 
-PICTURES = Path(__file__).parents[3] / "docs/pictures"
+PICTURES = Path(*sys.argv[1:] or [Path(__file__).parents[3] / "docs/pictures"])
 PORT = 8199
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}
@@ -135,7 +136,8 @@ def main() -> None:
             ("workbench-phone.png", PHONE, True),
             ("workbench.webp", FILM, False),
         ):
-            subject = demonstration() if name.endswith(".webp") else load("h4")
+            sampled = begin(load("h4")).with_drawn_errors(1)
+            subject = demonstration() if name.endswith(".webp") else sampled
             page = serve.open_page(subject, port=PORT, dark=dark, prices=PRICES)
             seen = looked_at(browser, size, page.address("127.0.0.1"))
             if name.endswith(".webp"):

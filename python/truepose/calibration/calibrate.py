@@ -209,7 +209,7 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
         fit = near if direct and near is not None else fit_to(case.under(of))
     except PoseError as error:
         if said := of_no_length(case.robot, case.log):
-            raise PoseError(f"{str(error).removesuffix(UNITS)}; {said}") from None
+            raise PoseError(f"{said} ({str(error).removesuffix(UNITS)})") from None
         raise PoseError(f"{error}; {furthest(case.robot, case.log)}") from None
     if causes.verdict == "unexplained" and misfit(fit) > NOTABLE:
         return inflated(fit, causes.text), of
@@ -292,7 +292,8 @@ def of_no_length(robot: Robot, log: Log) -> str:
     if not said:
         return ""
     where = ", ".join(said)
-    return f"may have no length: {where}; a cable or leg needs 0.1 m to have a direction"
+    why = "may be a cable or leg of no length, which has no direction"
+    return f"{where}: {why}: stop 0.1 m before the anchor"
 
 
 def furthest(robot: Robot, log: Log) -> str:

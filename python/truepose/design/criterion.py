@@ -55,7 +55,7 @@ class Criterion:
             return what
         if self.confidence is None:
             return f"σ of the {name}" if self.measure == "rms" else f"σ of the {what}"
-        return f"{what} kept by {100 * self.confidence:.4g} % of robots"
+        return f"{100 * self.confidence:.4g} % quantile of the {what}"
 
     def squared(
         self, L: Array, N: Array, U: Array | None = None, noise: Array | float = 0.0

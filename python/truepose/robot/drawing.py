@@ -31,7 +31,7 @@ def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> N
         figure.set_layout_engine("none")
         figure.set_size_inches(6.4 if planar else 7.2, 5.0)
     if planar:
-        axes: Any = figure.add_axes((0.12, 0.12, 0.66, 0.83))
+        axes: Any = figure.add_axes((0.12, 0.12, 0.62, 0.83))
         axes.set_aspect("equal")
         axes.margins(0.12)
         axes.grid(alpha=0.3)
@@ -51,7 +51,7 @@ def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> N
             path_effects=[withStroke(linewidth=3, foreground="white")],
         )
     handles, labels = axes.get_legend_handles_labels()
-    labels = ["platform" if label == "nacelle" else label for label in labels]
+    labels = ["moving platform" if label == "nacelle" else label for label in labels]
     figure.legend(handles, labels, loc="upper right", fontsize=9, frameon=False, handlelength=1.6)
 
 

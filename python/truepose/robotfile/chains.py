@@ -48,7 +48,8 @@ class Drive(Section):
     )
     spool_buildup: Annotated[Number, unit("1/m")] = key(
         "of a line that winds in layers on its spool (slides and legs): it is v + "
-        "spool_buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
+        "spool_buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²), "
+        "negative where the length grows as the line leaves the spool",
         0.0,
     )
     backlash: Annotated[NonNegative, unit("rad or m")] = key(

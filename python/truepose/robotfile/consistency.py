@@ -61,16 +61,16 @@ def _sizes(spec: RobotFile) -> Iterator[Problem]:
     if spec.passive_axis and not rotational:
         text = f"passive_axis: needs mobility rotational, not {spec.mobility}"
         yield Problem(("passive_axis",), text)
-    if not n <= (count := len(spec.chain)) <= _core.max_motors:
-        more = (
-            f"{n - count} of the platform's freedoms would be unconstrained"
-            if count < n
-            else f"a robot has at most {_core.max_motors}"
-        )
+    if not n <= (count := len(spec.chain)) <= (most := _core.max_motors):
+        wanted, why = str(n), f"{n - count} of the platform's freedoms would be unconstrained"
+        if count > n:
+            wanted = f"{n} to {most}"
+            why = f"up to {most} motors drive a platform; describe each further leg or cable as a "
+            why += "sensor of kind 'distance'"
         has = (
             f"a platform on {n} passive axes" if rotational else f"{spec.mobility} has {n} freedoms"
         )
-        yield Problem(("mobility",), f"{has}: give {n} chains, not {count}; {more}")
+        yield Problem(("mobility",), f"{has}: give {wanted} chains, not {count}; {why}")
     if len(spec.bar) > _core.max_bars:
         text = f"{len(spec.bar)} bars: a platform has at most {_core.max_bars} here"
         yield Problem(("bar", _core.max_bars), text)

@@ -10,6 +10,14 @@ from truepose.arguments import Array
 
 #: Named series by axis label.
 Panels = Mapping[str, Mapping[str, Array]]
+#: Colour of each control law in every figure (Okabe and Ito: for colour-blind readers).
+LAW_COLOURS = {
+    "joint": "#d55e00",
+    "tej": "#0072b2",
+    "cartesian": "#009e73",
+    "weighted": "#e69f00",
+    "estimated": "#cc79a7",
+}
 
 
 def lines(
@@ -34,7 +42,10 @@ def lines(
 
 
 def ranges(
-    figure: Any, panels: Mapping[str, Mapping[str, Mapping[str, ArrayLike]]], ylabel: str
+    figure: Any,
+    panels: Mapping[str, Mapping[str, Mapping[str, ArrayLike]]],
+    ylabel: str,
+    colours: Mapping[str, str] | None = None,
 ) -> list[Any]:
     """Draw low, middle and high of every row and series, a panel for each label of the x axis."""
     rows = [list(dict.fromkeys(row for of in p.values() for row in of)) for p in panels.values()]
@@ -46,11 +57,12 @@ def ranges(
             at = [names.index(row) + step * (k - (len(series) - 1) / 2) for row in spread]
             values = np.array([*spread.values()], dtype=float).reshape(-1, 3)
             low, middle, high = np.where(np.isfinite(values), values, np.nan).T
-            axes.hlines(at, low, high, color=f"C{k}", lw=3, alpha=0.5)
-            axes.plot(middle, at, "o", color=f"C{k}", ms=5, label=name)
+            colour = (colours or {}).get(name, f"C{k}")
+            axes.hlines(at, low, high, color=colour, lw=3, alpha=0.5)
+            axes.plot(middle, at, "o", color=colour, ms=5, label=name)
         axes.set_yticks(range(len(names)), names)
         axes.set(xlabel=label, ylabel=ylabel, ylim=(len(names) - 0.5, -0.5))
         axes.grid(axis="x", color="0.9")
     legend = every[0].get_legend_handles_labels()
-    figure.legend(*legend, loc="outside lower center", ncols=2, fontsize=8)
+    figure.legend(*legend, loc="outside upper center", ncols=2, fontsize=8)
     return every

@@ -7,6 +7,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.show import Cell, Table, number, ranges
+from truepose.show.charts import LAW_COLOURS
 from truepose.show.table import markdown
 from truepose.studies.study import Study
 from truepose_life.events import SCENARIOS
@@ -32,6 +33,14 @@ LAWS = {
 }
 #: Share of a change's error that no law removes, from which it is partly or not observable.
 PARTLY, UNOBSERVABLE = 0.2, 0.5
+#: Changes and laws of the figure: the largest, and the laws that differ most.
+DRAWN = ("warm day", "wear", "collision", "payload", "motor re-homed", "a year")
+COLOURS = {
+    "frozen": LAW_COLOURS["joint"],
+    "conditions": LAW_COLOURS["weighted"],
+    "follow": LAW_COLOURS["estimated"],
+    "bound": "black",
+}
 #: Columns that the page leaves out.
 _OTHERS = ("sensors", "TEJ", "Cartesian", "estimated", "new calibration")
 
@@ -111,17 +120,16 @@ def page(study: Study) -> str:
 
 
 def draw(figure: Any, records: Sequence[Mapping[str, Any]]) -> None:
-    """Draw a panel for each sensor set: median and 95 % of the laws, from :func:`table`'s records.
-
-    The figure has the laws that differ most.
-    """
+    """Draw a panel for each sensor set, from the records of :func:`table`: median and 95 %."""
     panels: dict = {}
-    for row in records:
+    for row in (row for row in records if row["change"] in DRAWN):
         panel = panels.setdefault(f"{row['sensors']}: position error (mm)", {})
-        for law in ("frozen", "weighted", "conditions", "follow", "bound"):
+        for law in COLOURS:
             spread = [row[f"{LAWS[law]}_{part}_mm"] for part in ("low", "median", "high")]
             panel.setdefault(law, {})[row["change"]] = spread
-    for axes in ranges(figure, panels, "change"):
-        axes.set_xscale("log")
+    shown = [each for panel in panels.values() for law in panel.values() for each in law.values()]
+    ends = 0.8 * np.nanmin(shown), 1.25 * np.nanmax(shown)
+    for axes in ranges(figure, panels, "", COLOURS):
+        axes.set(xscale="log", xlim=ends)
         axes.xaxis.set_major_formatter("{x:g}")
-    figure.set_size_inches(8.0, 20.0)
+    figure.set_size_inches(4.6, 13.0)

@@ -7,18 +7,12 @@ from matplotlib.figure import Figure
 
 from truepose.arguments import Array
 from truepose.show import figure_of, lines
+from truepose.show.charts import LAW_COLOURS
 from truepose.simulation.simulate import Simulation
 from truepose_paper import experiment
 from truepose_paper.experiment import LABELS, Control
 
-COLOURS: dict[Control, str] = {
-    "joint": "#b2182b",
-    "tej": "#2166ac",
-    "weighted": "#e08214",
-    "cartesian": "#1b7837",
-    "self-calibrated": "#000000",
-}
-_AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
+_AXES = {"x": "#56b4e9", "y": "#999999", "z": "#000000"}
 
 
 def moves(runs: Sequence[Simulation]) -> Figure:
@@ -50,6 +44,6 @@ def poses(errors: Mapping[Control, Array], what: str) -> Figure:
     for control, error in errors.items():
         theta[LABELS[control]] = error[:, 3]
         position[LABELS[control]] = np.linalg.norm(error[:, :3], axis=1)
-    colours = {LABELS[control]: colour for control, colour in COLOURS.items()}
+    colours = {LABELS[control]: LAW_COLOURS.get(control, "black") for control in errors}
     where, count = "pose (number in Table 2)", len(error)
     return figure_of(lambda figure: lines(figure, range(count), panels, where, ".", colours))

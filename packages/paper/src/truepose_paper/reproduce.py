@@ -74,7 +74,7 @@ def reproduce(
     moves = dict(zip(MOVES, each(move, MOVES, at("the 0.2 s move")), strict=True))
     result = experiment.run(robot, truths, progress=at("625 poses, exact statics"))
     some = np.random.default_rng(seed).choice(article.table2(), POSES_AT_X, replace=False)
-    kinds = sensor_sets.tolerances(robot) if full else {"paper": robot}
+    kinds = sensor_sets.tolerances(robot) if full else {"file": robot}
     real = max(robots, sensor_sets.ROBOTS) if full else robots
     calibrated = real if full else sensor_sets.CALIBRATED
     of = twin.shipped()

@@ -73,7 +73,7 @@ def tolerances(robot: Robot) -> dict[str, Robot]:
     file = robot.spec.tolerances
     machined = file | {name: within for name in file if name.endswith((".rod", ".arm"))}
     return {
-        "paper": robot,
+        "file": robot,
         "machined": Robot(robot.spec.model_copy(update={"tolerances": machined})),
     }
 

@@ -131,8 +131,8 @@ def map_of(state: State, kind: str) -> Map:
     if not error:
         return Map(places, 1 - values, "Map: conditioning", "1 best", "0 singular")
     most, total = min(3 * float(np.median(values)), float(values.max())), summed(robot)
-    kept = f"kept by {100 * state.terms.confidence:.4g} % of robots"
-    title = f"Map: {total.name} error {kept} ({PRINT[total.unit][1]})"
+    quantile = f"{100 * state.terms.confidence:.4g} % quantile of the {total.name} error"
+    title = f"Map: {quantile} ({PRINT[total.unit][1]})"
     return Map(places, values / max(most, 1e-12), title, "0", f"{total.factor * most:.3g}")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.design.error_budget import ErrorBudget
 from truepose.design.selection import SensorSelection
-from truepose.robot import LAWS, summed, units
+from truepose.robot import summed, units
 from truepose.show import PRINT, number
 from truepose_workbench.answers import paid
 
@@ -16,8 +16,6 @@ from truepose_workbench.answers import paid
 LINE, USED = "#0072b2", "#d55e00"
 #: viridis from its low end to its high end: ordered in lightness, for colour-blind readers too.
 VIRIDIS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#fde725")
-#: Colour of each law, in the scene and in the table (Okabe and Ito: for colour-blind readers).
-LAW_COLOURS = dict(zip(LAWS, ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#cc79a7"), strict=True))
 #: Most bars of an error budget.
 _BARS = 8
 _WIDE, _HIGH, _LEFT, _BELOW = 300, 160, 34, 28  #: of a chart and its margins

@@ -13,8 +13,8 @@ from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import TrueposeError, one_line
 from truepose.robot import LAWS, Law, usual
+from truepose.show.charts import LAW_COLOURS
 from truepose_workbench import answers, words
-from truepose_workbench.charts import LAW_COLOURS
 from truepose_workbench.guard import Guard
 from truepose_workbench.scene import Scene
 from truepose_workbench.state import State

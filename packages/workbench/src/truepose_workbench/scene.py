@@ -17,8 +17,9 @@ from truepose.exceptions import InputError
 from truepose.robot import Law
 from truepose.robot.frames import frames
 from truepose.robot.parts import COLOURS, Part, parts_of
+from truepose.show.charts import LAW_COLOURS
 from truepose_workbench.answers import Rest, ellipsoids, map_of, skeletons
-from truepose_workbench.charts import LAW_COLOURS, USED, legend, rgb, shades
+from truepose_workbench.charts import USED, legend, rgb, shades
 from truepose_workbench.state import State
 
 #: Line width of a sensor by its kind; the others are discs at a joint.

@@ -80,7 +80,7 @@ def line(text: str | Exception) -> str:
     return page(note(text))
 
 
-def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
+def laws(found: Mapping[Law, Rest], colours: Mapping[str, str]) -> str:
     """Return position and orientation error of each law at steady state."""
     rows, failed = [], []
     for law, rest in found.items():
