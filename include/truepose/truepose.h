@@ -661,7 +661,7 @@ TRUEPOSE_API void truepose_pace(const truepose_path_clock* clock, truepose_setpo
 
 /* ------------------------------------------------------------------------------------------------
  * Limits of a control cycle, for the safety shell and the start-up test of the package safety,
- * whose header is truepose_safety.h. Guide: packages/safety/docs/safety-shell.md
+ * whose header is truepose_safety.h. Guide: packages/safety/docs/commissioning.md
  */
 
 /** Constant during a run: truepose_safety_defaults(), then adapted. */

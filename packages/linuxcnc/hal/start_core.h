@@ -1,4 +1,4 @@
-/* Start-up test of a machine that is off (packages/safety/docs/start-test.md). Independent of
+/* Start-up test of a machine that is off (packages/safety/docs/commissioning.md). Independent of
  * LinuxCNC.
  *
  * Level 1 compares the readings at rest: brakes closed, no torque, for any drive. Level 2 then
