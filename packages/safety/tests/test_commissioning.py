@@ -27,7 +27,7 @@ def test_the_program_compiles_with_the_exported_robot(run, tmp_path):
     (tmp_path / "controller.c").write_text(program, encoding="utf-8")
     assert run("export", "c", "h4", "-o", "h4.h")[0] == 0
     folders = (tmp_path, ROOT / "include", PACKAGE / "include")
-    words = "cc -std=c99 -Wall -Wextra -Werror -fsyntax-only controller.c".split()
+    words = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "controller.c"]
     ran = subprocess.run(
         [*words, *(f"-I{folder}" for folder in folders)],
         cwd=tmp_path,
