@@ -156,7 +156,7 @@ typedef struct truepose_chain {
   truepose_real coulomb;            /**< N·m or N */
 } truepose_chain;
 
-/** A redundant sensor: reading = gain s - offset. Its vectors: docs/robot-file.md. */
+/** A redundant sensor: reading = gain s - offset. Its vectors: docs/robot-file-keys.md. */
 typedef struct truepose_sensor {
   int32_t kind;       /**< a truepose_sensor_kind */
   int32_t chain;      /**< of its rod or motor (from 0; -1: none) */
