@@ -1,13 +1,15 @@
 """Simulated faults and disturbances of sampled robots, each rod on its own.
 
-faults.py monitor [--robots 3]           # docs/fault-monitor.md: every kind, above its limit
-faults.py rates [--robots 100] [--seconds 10]    # there: false alarms under normal noise
-faults.py alarms [--robots 8] [--seconds 10]   # there: false alarms with all effects
-faults.py payload [--robots 30]          # there: disturbances
-faults.py campaign [--robots 5]   # packages/safety/docs/safety-shell.md: every kind, in the shell
+faults.py monitor [--robots 3]           # every kind, above its limit
+faults.py rates [--robots 100] [--seconds 10]    # false alarms under normal noise
+faults.py alarms [--robots 8] [--seconds 10]   # false alarms with all effects
+faults.py payload [--robots 30]          # disturbances
+faults.py campaign [--robots 5]          # every kind, in the safety shell
 faults.py frozen [--robots 8]            # there: all readings at once
 faults.py healthy [--robots 200] [--seconds 10]  # there: false alarms with all effects, an hour
-faults.py consequences                   # docs/fault-consequences.md
+faults.py consequences                   # every kind, with and without the monitor
+
+The tables are in docs/results.md.
 
 All but `monitor` and `alarms` need the package truepose-safety. Robots calibrated themselves on
 readings at 100 poses. Errors are relative to the same run without a fault. Delays count from the
@@ -390,7 +392,7 @@ def payload(robots: int) -> None:
 
 
 def consequences() -> None:
-    """Print the table of docs/fault-consequences.md: 30 moves of the nominal H4."""
+    """Print a row per fault: 30 moves of the nominal H4."""
     robot, rng = tp.load("h4"), np.random.default_rng(0)
     table = workspace_grid(robot)
     others = [table[rng.choice(len(table), 2, replace=False)] for _ in range(29)]

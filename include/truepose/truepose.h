@@ -156,7 +156,7 @@ typedef struct truepose_chain {
   truepose_real coulomb;            /**< N·m or N */
 } truepose_chain;
 
-/** A redundant sensor: reading = gain s - offset. Its vectors: docs/robot-file.md. */
+/** A redundant sensor: reading = gain s - offset. Its vectors: docs/robot-file-keys.md. */
 typedef struct truepose_sensor {
   int32_t kind;       /**< a truepose_sensor_kind */
   int32_t chain;      /**< of its rod or motor (from 0; -1: none) */
@@ -661,7 +661,7 @@ TRUEPOSE_API void truepose_pace(const truepose_path_clock* clock, truepose_setpo
 
 /* ------------------------------------------------------------------------------------------------
  * Limits of a control cycle, for the safety shell and the start-up test of the package safety,
- * whose header is truepose_safety.h. Guide: packages/safety/docs/safety-shell.md
+ * whose header is truepose_safety.h. Guide: packages/safety/docs/commissioning.md
  */
 
 /** Constant during a run: truepose_safety_defaults(), then adapted. */

@@ -17,7 +17,7 @@ extern "C" {
 
 /* ------------------------------------------------------------------------------------------------
  * Start-up test: proves every reading before a law may act. Guide:
- * packages/safety/docs/start-test.md
+ * packages/safety/docs/commissioning.md
  */
 
 /** Constant during a test: truepose_start_defaults(), then adapted. */
@@ -89,7 +89,7 @@ TRUEPOSE_API truepose_outcome truepose_start_test_cycle(
 
 /* ------------------------------------------------------------------------------------------------
  * Safety shell: limits around any law, defined stops, causes that last. Guide:
- * packages/safety/docs/safety-shell.md
+ * packages/safety/docs/commissioning.md
  */
 
 typedef enum truepose_safety_state {
@@ -192,7 +192,7 @@ TRUEPOSE_API truepose_outcome truepose_guard(const truepose_model* model,
                                              truepose_safety_report* report);
 
 /* ------------------------------------------------------------------------------------------------
- * Momentum observer: external forces and their causes. Guide: packages/safety/docs/disturbances.md
+ * Momentum observer: external forces and their causes. Guide: docs/fault-methods.md
  */
 
 /** Constant while external forces are observed: truepose_momentum_defaults(), then adapted. */

@@ -34,27 +34,29 @@ _UNITS = {"reading": "rad or m", "reading/s": "rad/s or m/s", "s": "s", "1": "a 
 class Fault:
     """A fault of one reading from a time on: its value in terms of the healthy value s.
 
-    ==========  ====================================================  ===================
-    kind        reads                                                 size in
-    ==========  ====================================================  ===================
-    bias        s + size                                              rad or m
-    jump        s + size, permanently: lost encoder counts            rad or m
-    spike       s + size, in one cycle                                rad or m
-    stuck       s at that time
-    dropout     NaN
-    drift       s + size · time since                                 rad/s or m/s
-    sign        -s
-    gain        size · s                                              1
-    delay       s, `size` earlier                                     s
-    swap        the other reading's s, and vice versa
-    noise       s + Gaussian noise of σ = size                        rad or m
-    coarse      s, in counts that are `size` times coarser            1
-    hold        s, each value held for `size`                         s
-    loose       s, but 0 for 1 to 3 cycles at random: loose contact
-    ==========  ====================================================  ===================
+    =======  ====================================================  ============  =======  =======
+    kind     reads                                                 size in       may end  at rest
+    =======  ====================================================  ============  =======  =======
+    bias     s + size                                              rad or m      yes      yes
+    jump     s + size, permanently: lost encoder counts            rad or m               yes
+    spike    s + size, in one cycle                                rad or m
+    stuck    s at that time                                                      yes
+    dropout  NaN                                                                 yes
+    drift    s + size · time since                                 rad/s or m/s  yes
+    sign     -s                                                                  yes      yes
+    gain     size · s                                              1             yes      yes
+    delay    s, `size` earlier                                     s             yes
+    swap     the other reading's s, and vice versa                               yes      yes
+    noise    s + Gaussian noise of σ = size                        rad or m      yes
+    coarse   s, in counts that are `size` times coarser            1             yes
+    hold     s, each value held for `size`                         s             yes
+    loose    s, but 0 for 1 to 3 cycles at random: loose contact                 yes
+    =======  ====================================================  ============  =======  =======
 
     s includes noise and quantization. A delay is rounded up to whole control periods. Plants
-    take several faults, applied in order; the fault monitor is designed for single ones.
+    take several faults, applied in order; the fault monitor is designed for single ones. Before the
+    first fault a run equals one without, bit for bit. :class:`ExactPlant` has no time and takes
+    the kinds marked *at rest*.
 
     Parameters
     ----------
