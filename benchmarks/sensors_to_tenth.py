@@ -1,7 +1,7 @@
 """Sensors that bring the H4 to 0.1 mm: chosen, placed, and verified in closed loop.
 
 Every rod by itself, from its file with more candidates: encoders on every passive joint,
-inclinometers, finer counts. Tables of docs/sensors-to-tenth.md.
+inclinometers, finer counts. Table of docs/choose-sensors.md.
 
 sensors_to_tenth.py choose                      # sets by number and by price
 sensors_to_tenth.py verify [--robots 400] [--jobs 2]

@@ -56,6 +56,23 @@ def test_a_hexapods_modes_come_in_mirror_images():
     assert np.abs(modes[:, None] - mirror).max(axis=2).min(axis=1).max() < 1e-6
 
 
+def test_a_height_leaves_one_mode_of_a_five_bar_and_of_a_hexapod(tmp_path):
+    five_bar = tmp_path / "five-bar.toml"
+    five_bar.write_text(
+        'based_on = "five-bar"\nsensors = ["height"]\n'
+        '[[sensor]]\nname = "height"\nkind = "coordinate"\ndirection = [0.0, 1.0, 0.0]\n'
+    )
+    for robot, away, count in (
+        (tp.load(five_bar), [0.03, 0.02], 2),
+        (tp.load("stewart").with_sensors("z_telemeter"), [0.02, 0.04, 0.05, 0.1, 0.15, 0.2], 8),
+    ):
+        x = robot.home + away
+        modes = robot.assembly_modes(robot.ikm(x))
+        off = np.abs(robot.rkm(modes.x) - robot.rkm(x)).max(axis=1)
+        assert len(modes) == count and (off < 1e-3).sum() == 1
+        assert modes.unseen == 0.0 and modes.expected == count and modes.seen.min() > 1000
+
+
 def test_the_search_repeats_itself_and_refuses_what_it_cannot_search():
     robot = tp.load("3rpr")
     q = robot.ikm(robot.home)

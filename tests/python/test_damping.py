@@ -59,3 +59,10 @@ def test_a_band_is_a_number_from_0_to_1(h4, wrong):
         h4.tej(h4.home, damped_below=wrong)
     with refused("damped_below"):
         tp.Controller(damped_below=wrong)
+
+
+@pytest.mark.parametrize("turn", [-np.pi / 2, np.pi / 2])
+def test_a_hexapod_turned_by_90_degrees_is_singular(turn):
+    stewart, turned = tp.load("stewart"), np.array([0, 0, 0, 0, 0, turn])
+    with pytest.raises(tp.PoseError, match=r"motor position q = .*: singular"):
+        stewart.fkm(stewart.ikm(stewart.home + turned))

@@ -165,7 +165,7 @@ def test_unknown_groups_are_told():
 def test_the_table_of_the_documentation_is_the_codes():
     from dataclasses import fields
 
-    page = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "simulation.md").read_text(encoding="utf-8")
     for f in fields(tp.Effects):
         assert f"| `{f.name}` | {f.metadata['group']} |" in page, f.name
     assert _core.Effects().arm_damping == 0.05

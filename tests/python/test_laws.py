@@ -68,6 +68,12 @@ def test_no_motor_leaks_into_a_theta_that_is_measured_well(h4, table2):
     assert share < 0.05 * np.abs(h4.cross_sensitivity(table2, "tej")[:, 3, :4]).max()
 
 
+@pytest.mark.parametrize(("law", "turn"), [("joint", 2.546), ("tej", 0.186), ("weighted", 0.001)])
+def test_an_error_of_motor_3_turns_the_h4_less_under_each_better_law(h4, law, turn):
+    leak = h4.cross_sensitivity([0.05, 0, -0.4, 0.2], law)[3, 2]  # rad/rad
+    assert leak == pytest.approx(turn, abs=5e-4)
+
+
 def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpoint(
     h4, truth, table2
 ):

@@ -1,4 +1,4 @@
-"""Tables of docs/effects.md: loss of self-calibration's gain by each effect; needs packages/paper.
+"""Table docs/results/effects.csv: loss of self-calibration's gain by effect; needs packages/paper.
 
 effects_table.py [--robots 16] [--seed 0]      # a minute per robot on one core
 

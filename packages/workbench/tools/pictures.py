@@ -27,7 +27,7 @@ PORT = 8199
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, PHONE = {"width": 1400, "height": 900}, {"width": 390, "height": 844}
 FILM = {"width": 1000, "height": 640}
-#: As in docs/guides/designer.md.
+#: As in docs/choose-sensors.md.
 PRICES = {"theta": 90, "z_telemeter": 400, "wire1": 250, "wire2": 250, "wire3": 250}
 PRICES |= {"pivot1": 40, "pivot2": 40, "reference_pose": 120, "self_calibration": 60}
 MOST = 3_000_000  #: bytes of an animation
