@@ -1,6 +1,7 @@
 /* Wake-up latency and duration of a control cycle on this machine. A fault-tolerant
  * TEJ cycle of the H4 every millisecond, as a controller would run it: memory locked, first
- * in first out, on one core. docs/small-machines.md has the command; seconds and priority are arguments.
+ * in first out, on one core. docs/small-machines.md has the command; seconds and priority are
+ * arguments.
  */
 #define _GNU_SOURCE
 #include <sched.h>

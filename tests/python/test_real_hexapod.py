@@ -70,6 +70,15 @@ def test_hexapods_that_a_tracker_sees_keep_to_their_sigma(held_out, jugglebot):
     assert np.mean([m.nees.mean() for m in each]) == pytest.approx(1, abs=0.15)
 
 
+def test_motors_homed_anew_are_a_cause(held_out, jugglebot, log):
+    known = held_out.learn(jugglebot, log.readings, log.measured).robot
+    rng, options = np.random.default_rng(0), held_out.CalibrationOptions(cause="apply")
+    q = log.readings + rng.uniform(-0.01, 0.01, 6)
+    seen = {"measured": log.measured, "measured_sigma": held_out.SIGMA}
+    fit = tp.calibrate(known, q, **seen, options=options)
+    assert fit.causes.found[0].kind == "homed again"
+
+
 def test_a_zero_that_moves_by_no_number_is_refused(jugglebot):
     with refused("must be a number or 6 of them"):
         tp.calibration.rehomed(jugglebot, [0.1, -1])

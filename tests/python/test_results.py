@@ -1,171 +1,189 @@
-"""Tables of results: each printed number is in the CSV that the page names."""
+"""Printing and drawing of results: every public result class shows itself."""
 
-import csv
-import json
-import re
-from dataclasses import dataclass
-from pathlib import Path
+import inspect
 
+import numpy as np
 import pytest
+from fixtures import require_shown
 
-ROOT = Path(__file__).parents[2]
-RESULTS = ROOT / "docs" / "results"
-#: A table and the files with its numbers: `<!-- results/NAME.csv -->` on the line before.
-MARKED = re.compile(r"^<!-- ((?:\S+\.(?:csv|json) )+)-->\n+((?:\|.*\n)+)", re.MULTILINE)
-#: A number: not part of a name ("q1", "H4"), thousands apart by blanks, no sign in a range.
-NUMBER = re.compile(
-    r"(?<![\w.^])(?<!\w-)(-?)(\d{1,3}(?:[ \u00a0\u202f]\d{3})+|\d+)(\.\d+)?(e-?\d+)?"
-)
-#: First line of a result that no command of this repository makes.
-ELSEWHERE = "measured outside this repository"
+import truepose as tp
+from truepose.calibration import zero
+from truepose.faults.monitor import Review
+from truepose.robot import coordinate_axes, summed, usual
+from truepose.robot.redundancy import Estimate
+from truepose.show import PRINT, Shown, printed
 
 
-@dataclass(frozen=True)
-class Printed:
-    """A number as it is printed."""
-
-    value: float
-    half: float  #: half a unit of its last digit
-
-    def of(self, value: float) -> bool:
-        """Return whether the value is printed so."""
-        return abs(self.value - value) <= self.half * (1 + 1e-6)
-
-
-def numbers(text: str) -> list[Printed]:
-    """Return the numbers of a cell."""
-    found = []
-    for sign, whole, part, power in NUMBER.findall(text.replace("−", "-").replace("*", "")):
-        digits = re.sub(r"\D", "", whole)
-        value = float(sign + digits + part + power)
-        half = 0.5 * 10.0 ** (int(power[1:] or 0) - max(len(part) - 1, 0))
-        found.append(Printed(value, half))
-    return found
-
-
-def cells(line: str) -> list[str]:
-    """Return the cells of a row in Markdown."""
-    return [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip().strip("|"))]
-
-
-def missing(table: str, rows: list[list[str]]) -> list[str]:
-    """Return what a Markdown table prints and the rows of its CSV do not have.
-
-    The head and first cells name premises. A row that the CSV has by the same first cell is
-    compared with the CSV's rows of this name alone.
-    """
-    named: dict[str, list[float]] = {}
-    for row in rows:
-        named.setdefault(row[0].strip(), []).extend(n.value for cell in row for n in numbers(cell))
-    every = [value for values in named.values() for value in values]
-    lost = []
-    for line in table.splitlines()[2:]:
-        label, *others = cells(line)
-        known = (label and named.get(label)) or every
-        for cell in others:
-            lost += [f"{label}: {cell}" for n in numbers(cell) if not any(map(n.of, known))]
-    return lost
-
-
-def pages() -> list[Path]:
-    found = {ROOT / "README.md", *ROOT.glob("docs/**/*.md")}
-    return sorted(
-        {
-            *found,
-            *(
-                page
-                for at in (
-                    "packages/*",
-                    "packages/*/docs",
-                    "robots/*",
-                    "benchmarks",
-                    "benchmarks/*",
-                )
-                for page in ROOT.glob(f"{at}/*.md")
-            ),
-        }
+def test_a_fit_says_what_it_rests_on_and_draws_every_parameter(h4, truth, table2):
+    fit = tp.calibrate(h4, truth.read(table2[::5], seed=1))
+    said = repr(fit)
+    assert said == str(fit)
+    assert said.startswith("h4 calibrated on 125 of 125 lines of theta, full level, ")
+    verdicts = [p.verdict for p in fit.parameters.values()]
+    assert (
+        f"{len(verdicts)} uncertain parameters: {verdicts.count('identified')} identified" in said
     )
+    assert all(note in said for note in fit.notes)
+    (axes,) = fit.plot().axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(fit.names)
 
 
-def marked() -> list[tuple[Path, str, str]]:
-    """Return the page, file and text of each table with a file."""
-    return [
-        (page, file, table)
-        for page in pages()
-        for file, table in MARKED.findall(page.read_text("utf-8") + "\n")
+def test_a_run_says_how_far_off_it_was_and_draws_that(chained_robot):
+    run = tp.simulate(chained_robot)
+    said, begin = str(run), f"{chained_robot.name} under {usual(chained_robot)} control, 0.4 s, "
+    assert said.startswith(f"{begin}401 periods: {run.status}")
+    total = summed(chained_robot)
+    most = np.linalg.norm(run.error[:, total.columns], axis=1).max()
+    assert f"{total.name}: {printed(most, total.unit, '.3g')} off at most" in said
+    assert ("turn: " in said) == any(unit == "rad" for _, unit in chained_robot.coordinates)
+    lines = [line for axes in run.plot().axes for line in axes.lines if len(line.get_xdata()) > 2]
+    assert len(lines) == chained_robot.n + 2 * chained_robot.m  # of each torque its mean as well
+    drawn = PRINT[chained_robot.coordinates[0][1]][0] * run.error[:, 0]
+    assert np.allclose(lines[0].get_ydata(), drawn)
+
+
+@pytest.mark.parametrize("shape", [(), (4,), (2, 3)])
+def test_an_estimate_says_where_and_how_surely_and_draws_both(h4, shape, rng, anywhere):
+    count = int(np.prod(shape, dtype=int))
+    x = anywhere(h4, count, rng).reshape(*shape, 4)
+    estimate = h4.estimate(h4.extended_positions(x))
+    said = repr(estimate)
+    sigma = np.sqrt(np.diagonal(estimate.covariance, axis1=-2, axis2=-1))
+    if shape:
+        assert said.startswith(f"{count} estimates, {count} ok; σ, rms: ")
+        rms = np.sqrt((sigma**2).reshape(-1, 4).mean(axis=0))
+        assert said.endswith(", ".join(f"{s:.2g}" for s in rms))
+    else:
+        assert f"{x[0]:.6g} ± {sigma[0]:.2g}" in said and said.endswith("; ok")
+    for k, (axes, of) in enumerate(zip(estimate.plot().axes, coordinate_axes(h4), strict=True)):
+        assert axes.get_ylabel() == of.label
+        drawn, bars = axes.lines[0].get_ydata(), axes.collections[0].get_segments()
+        assert drawn == pytest.approx(of.factor * estimate.x[..., k].ravel())
+        assert np.ptp(bars, axis=1)[:, 1] == pytest.approx(2 * of.factor * sigma[..., k].ravel())
+
+
+def test_an_estimate_that_was_not_found_is_left_out_of_both(h4):
+    q_e = h4.extended_positions([h4.home, h4.home])
+    q_e[1] = np.nan
+    estimate = h4.estimate(q_e, errors="nan")
+    assert repr(estimate).startswith("2 estimates, 1 ok; ")
+    assert np.isfinite(estimate.plot().axes[0].lines[0].get_ydata()).sum() == 1
+
+
+def poses_of(robot, count=12):
+    """Draw poses from the inner half of a robot's workspace."""
+    box = robot.spec.workspace
+    middle = (np.array(box.minimum) + box.maximum) / 2
+    half = (np.array(box.maximum) - box.minimum) / 4
+    return np.random.default_rng(1).uniform(middle - half, middle + half, (count, robot.n))
+
+
+def reviewed(robot):
+    run = tp.simulate(robot, controller="joint")
+    q_e = run.q_e.copy()
+    q_e[200:, -1] += 0.5
+    return tp.FaultMonitor().review(robot, q_e)
+
+
+def isolated(robot):
+    q_e = robot.expected().extended_positions(poses_of(robot))
+    q_e[:, 0] += 0.2
+    return tp.faults.isolate(robot, q_e)
+
+
+#: How a result of every public class is made of a robot with a redundant sensor.
+RESULTS = {
+    "Robot": lambda robot: robot,
+    "Estimate": lambda robot: robot.estimate(robot.extended_positions(poses_of(robot))),
+    "Accuracy": lambda robot: tp.accuracy(robot, poses_of(robot)),
+    "Calibration": lambda robot: tp.calibrate(robot, robot.expected().read(poses_of(robot))),
+    "SensorSelection": lambda robot: tp.select_sensors(
+        robot,
+        dict.fromkeys(robot.sensors, 90),
+        use=tp.design.Use(poses=poses_of(robot)),
+        target=1.0,
+    ),
+    "ErrorBudget": lambda robot: tp.design.error_budget(
+        robot, tp.design.Use(poses=poses_of(robot))
+    ),
+    "Placement": lambda robot: tp.design.place_sensors(
+        tp.load("h4"),
+        ["wire1"],
+        within={"*": (-0.1, 0.1)},
+        use=tp.design.Use(poses=poses_of(tp.load("h4"), 2)),
+    ),
+    "PosePlan": lambda robot: tp.plan_poses(robot, 4, candidates=poses_of(robot), target=1.0),
+    "StabilityMargins": lambda robot: tp.control.stability_margins(
+        robot, "joint", poses=[robot.home]
+    ),
+    "Simulation": lambda robot: tp.simulate(robot, controller="joint"),
+    "SteadyState": lambda robot: tp.steady_state(robot, robot, poses_of(robot), "joint"),
+    "PathAccuracy": lambda robot: tp.simulation.path_accuracy(
+        robot, tp.simulation.Circle(centre=robot.home, radius=0.02, frequency=4), runs=2
+    ),
+    "Study": lambda robot: tp.monte_carlo("rest", robot, count=3, workers=0),
+    "Detectability": lambda robot: tp.faults.detectability(robot, poses_of(robot)),
+    "Isolation": isolated,
+    "Review": reviewed,
+    "Zeroing": lambda robot: zero(robot, robot.expected().extended_positions([robot.home])),
+}
+MADE = {"h4": "theta,z_telemeter", "stewart": "z_telemeter,roll", "g1-ankle": "roll_encoder"}
+#: Of a robot that turns about two axes alone, these have no meaning.
+WITHOUT = {("g1-ankle", "PathAccuracy")}
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, kind) for name in MADE for kind in RESULTS if (name, kind) not in WITHOUT],
+)
+def test_every_result_shows_itself(name, kind):
+    robot = tp.load(name).with_sensors(*MADE[name].split(","))
+    if kind == "Zeroing" and name != "g1-ankle":
+        robot = tp.load("g1-ankle")
+    result = RESULTS[kind](robot)
+    assert type(result).__name__ == kind
+    require_shown(result)
+
+
+def test_every_class_that_a_public_function_returns_shows_itself():
+    given = {tp.logs.Log, tp.calibration.NuisanceParameter}  # given to other functions
+    rooms = [tp, *(getattr(tp, name) for name in tp.__all__ if inspect.ismodule(getattr(tp, name)))]
+    functions = [
+        function
+        for room in rooms
+        for function in map(room.__dict__.get, room.__all__)
+        if inspect.isfunction(function)
     ]
+    assert {tp.accuracy, tp.steady_state, tp.faults.isolate} <= set(functions)
+    seen = {Estimate, Review}  # of methods
+    for function in functions:
+        returned = inspect.signature(function).return_annotation
+        if isinstance(returned, str):
+            returned = vars(inspect.getmodule(function)).get(returned.partition("[")[0])
+        if isinstance(returned, type) and returned not in given:
+            assert issubclass(returned, Shown), (function, returned)
+            seen.add(returned)
+    assert {of.__name__ for of in seen} == set(RESULTS)
 
 
-def read(file: str) -> tuple[str, list[list[str]]]:
-    """Return the first line and rows of a file, named from docs/ or from the repository."""
-    path = next(at for at in (ROOT / "docs" / file, ROOT / file) if at.exists())
-    if path.suffix == ".json":  # instruction counts by compiler
-        (counts,) = json.loads(path.read_text("utf-8")).values()
-        return "", [[name, *map(str, each.values())] for name, each in counts.items()]
-    lines = path.read_text("utf-8").splitlines()
-    return lines[0], [row for row in csv.reader(x for x in lines if not x.startswith("#")) if row]
+@pytest.mark.parametrize("package", ["pandas", "polars"])
+def test_parameters_go_into_a_data_frame(h4, package):
+    frames = pytest.importorskip(package)
+    frame = frames.DataFrame(h4.table())
+    assert list(frame.columns) == ["name", "value", "unit", "sigma"]
+    assert list(frame["name"]) == list(h4.parameters)
+    assert list(frame["value"]) == [p.value for p in h4.parameters.values()]
+    assert list(frame["sigma"]) == [p.sigma for p in h4.parameters.values()]
+    assert set(frame["unit"]) == {"m", "rad", ""}
+    fit = tp.calibrate(h4, h4.expected().read(poses_of(h4)))
+    learnt = frames.DataFrame(fit.table())
+    assert list(learnt["parameter"]) == list(fit.names)
+    assert list(learnt["value"]) == [p.value for p in fit.parameters.values()]
 
 
-@pytest.mark.parametrize(
-    ("page", "file", "table"), marked(), ids=lambda x: x.stem if isinstance(x, Path) else x[:30]
-)
-def test_a_table_prints_what_its_file_has(page, file, table):
-    files = [read(each)[1] for each in file.split()]
-    rows = files[0] if len(files) == 1 else [["", *row] for each in files for row in each]
-    assert not missing(table, rows), f"{page.name}, {file}"
-
-
-@pytest.mark.parametrize("file", sorted(RESULTS.glob("*.csv")), ids=lambda file: file.stem)
-def test_a_result_names_the_command_that_made_it(run, file):
-    first = read(f"results/{file.name}")[0]
-    command, *premises = first.removeprefix("# ").split("; ")
-    assert first.startswith("# ") and premises, first
-    scripts = re.findall(r"[\w./-]+\.(?:py|c)\b", command)
-    makes = re.findall(r"\bmake (?:-C (\S+) ?)?([a-z][a-z-]*)?", command)
-    commands = re.findall(r"^truepose ([a-z-]+)", command)
-    assert scripts or makes or commands or command == ELSEWHERE, first
-    for script in scripts:
-        assert (ROOT / script).exists(), script
-    for folder, target in makes:
-        targets = (ROOT / folder / "Makefile").read_text("utf-8")
-        assert not target or re.search(rf"^{target}:|^\.PHONY:.* {target}\b", targets, re.M), target
-    for name in commands:
-        status, _, said = run(name, "--help")
-        assert status == 0 or "pip install" in said, said  # a package's
-
-
-@pytest.mark.parametrize("file", sorted(RESULTS.glob("*.csv")), ids=lambda file: file.stem)
-def test_a_result_is_on_a_page(file):
-    assert any(f"results/{file.name}" in page.read_text("utf-8") for page in pages())
-
-
-def test_the_counts_of_control_cycles_are_those_of_the_list():
-    (counts,) = json.loads((ROOT / "benchmarks" / "instructions.json").read_text("utf-8")).values()
-    for cycle, *shown in read("results/cycle.csv")[1][1:]:
-        robots, _, law = ("H4: " + cycle if ": " not in cycle else cycle).partition(": ")
-        name = f"{robots.removeprefix('five ')} at work, {{}} {law}".replace(
-            "fault monitor", "monitored"
-        )
-        found = [
-            counts[name.format(level)][k]
-            for level in ("ideal", "full")
-            for k in ("median", "worst")
-        ]
-        expected = [f"{n / unit:.1f}" for unit in (1e3, 17e3) for n in found]
-        assert shown == expected, cycle
-
-
-@pytest.mark.parametrize(
-    ("printed", "lost"),
-    [
-        ("| a | 1.06 [1.01, 1.11] | 9.0× | −3 % |", 0),
-        ("| a | 1.07 | |", 1),  # 1.061 is 1.06
-        ("| a | 1.1 | 1 605 150 |", 0),
-        ("| b | 1.06 |", 1),  # a's
-        ("| c | 1.06 to 9 | q1, H4, 7-UPS |", 1),  # of all rows: no 7
-        ("| a | 4.9e-11 | **2** ± 0.5 |", 3),
-    ],
-)
-def test_numbers_of_a_row(printed, lost):
-    rows = [["", "mm"], ["a", "1.061 [1.01; 1.11]", "9", "-3", "1605150"], ["b", "5", "6.1"]]
-    assert len(missing(f"| | mm |\n|---|---|\n{printed}\n", rows)) == lost
+def test_what_is_computed_from_an_accuracy_is_a_plain_array(h4):
+    P = tp.accuracy(h4, [h4.home, h4.home])
+    for values in (P[0], P - P, np.exp(P), 2 * P, P.copy()):
+        assert type(values) is np.ndarray or values._repr_html_() is None
+    assert P.sigma.shape == (2, 5)
+    assert P.rms == pytest.approx(P.worst) == P.at(0.5) == P.sigma[0, -1]

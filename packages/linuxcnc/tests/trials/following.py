@@ -2,7 +2,7 @@
 
 Run as ``python tests/trials/following.py``; `make test` does. LinuxCNC's sampler gives the readings
 to `truepose follow`, and `truepose linuxcnc` hands the geometry over. Prints the table of
-docs/linuxcnc.md: errors, and changes of the corrections in a cycle.
+docs/results/linuxcnc-following.csv, and changes of the corrections in a cycle.
 """
 
 from __future__ import annotations

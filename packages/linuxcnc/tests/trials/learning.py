@@ -1,8 +1,9 @@
 """Online calibration inside LinuxCNC: an H4 sampled from its file's tolerances calibrates itself.
 
-Run as ``python tests/trials/learning.py``; `make test` does. Prints tables of
-docs/linuxcnc.md: errors before and after, in the session that calibrates and in the next; time of
-its cycles; steps of the drives' commands meanwhile, and when one of two sensors fails.
+Run as ``python tests/trials/learning.py``; `make test` does. Prints the table of
+docs/results/linuxcnc-learning.csv: errors before and after, in the session that calibrates and in
+the next; time of its cycles; steps of the drives' commands meanwhile, and when one of two sensors
+fails.
 """
 
 from __future__ import annotations

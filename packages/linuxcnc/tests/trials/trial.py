@@ -1,7 +1,8 @@
 """The paper inside LinuxCNC: the H4 homes and runs G-code under four laws.
 
 Run as ``python tests/trials/trial.py``; `make test` does. In the simulated machine one rod is
-3 mm longer than in the controller's model. Prints the table of docs/linuxcnc.md.
+3 mm longer than in the controller's model. Prints the table of
+docs/results/linuxcnc-paper.csv.
 """
 
 from __future__ import annotations

@@ -30,6 +30,8 @@ WRONG = {
 BODIES = {"base": "base", "anchor": "platform"}
 #: σ of a lean, rad; of load times compliance, 1 (assumed).
 LEAN, LOAD = 0.05, 1e-3
+#: σ of zeros that were homed again, over those of the last calibration.
+AGAIN_HOMED = 3.0
 #: Fits that find a lean before the last one.
 AGAIN = 2
 #: Factors by which tolerances, or all sensors' noise, may be too small.
@@ -70,6 +72,17 @@ def _factor(case: Case, column: int) -> float:
     ordinary[1:, column] = FACTORS
     best = int(case.linear.weigh([], ordinary)[:, 0].argmax())
     return float(ordinary[best, column]) * (best > 0)
+
+
+def homed_again(case: Case) -> Iterator[Hypothesis]:
+    """The zeros of all motors, after homing them again since the last calibration."""
+    known = case.robot.parameters
+    names = [name for name in known if name.endswith("encoder_offset") and known[name].sigma > 0]
+    if case.robot.spec.calibration and len(names) > 1:
+        yield case.stated(
+            "the motors were homed again since the last calibration (rehomed)",
+            wide={name: AGAIN_HOMED * known[name].sigma for name in names},
+        )
 
 
 def tolerances(case: Case) -> Iterator[Hypothesis]:

@@ -38,6 +38,7 @@ from truepose.show import PRINT
 #: Every cause by name; a new one is a generator of hypotheses and an entry here.
 CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     **{kind: partial(parts.wrong, texts=texts) for kind, texts in parts.WRONG.items()},
+    "homed again": parts.homed_again,
     "joint": parts.joint,
     "tolerances": parts.tolerances,
     "noise": parts.noise,
