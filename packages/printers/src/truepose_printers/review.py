@@ -30,10 +30,16 @@ def tables(found: Assessment, narrow: bool = False) -> list[Table]:
     return [fits(found), known, *left_out, bed(found)]
 
 
+def _names(found: Assessment) -> dict[str, str]:
+    """Return FITS in the words of the printer's firmware."""
+    names = ("the text's parameters", "fit without tolerances", "estimate with tolerances")
+    return dict(zip(names, FITS.values(), strict=True)) if found.other else FITS
+
+
 def fits(found: Assessment) -> Table:
     """Return the residuals of the readings with three sets of parameters."""
     rows = []
-    for name, key in FITS.items():
+    for name, key in _names(found).items():
         parts = [found.column(key, distance) for distance in (False, True)]
         cells = [(cell(rms(off), 4), cell(np.abs(off).max(initial=-math.inf))) for off in parts]
         rows.append([name, *cells[0], *cells[1]])
@@ -54,8 +60,9 @@ def parameters(found: Assessment) -> Table:
         values = [cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
         sigma = [cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
         rows.append([name, *values, *sigma, of["verdict"]])
-    header = ["parameter", "file", "Klipper's", "estimate", "assumed σ", "σ", "verdict"]
-    return Table("parameters", "Parameters, in the file's own terms", header, rows)
+    fit = "fit" if found.other else "Klipper's"
+    header = ["parameter", "file", fit, "estimate", "assumed σ", "σ", "verdict"]
+    return Table("parameters", "Parameters, in Klipper's terms", header, rows)
 
 
 def held_out(found: Assessment) -> Table:
@@ -71,7 +78,7 @@ def bed(found: Assessment) -> Table:
     """Return the expected errors over the bed with the file's parameters and with the estimate."""
     rows = [
         [name, *map(cell, found.answer["bed"][key]["rms_mm"])]
-        for name, key in zip(FITS, ("now", "", "after"), strict=True)
+        for name, key in zip(_names(found), ("now", "", "after"), strict=True)
         if key
     ]
     header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
