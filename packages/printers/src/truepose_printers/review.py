@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.exceptions import InputError
 from truepose.show import Cell, Table, fixed
 from truepose_printers.assessment import DEGREE, MM, Assessment
 
@@ -32,7 +33,7 @@ def tables(found: Assessment, narrow: bool = False) -> list[Table]:
 
 def _names(found: Assessment) -> dict[str, str]:
     """Return FITS in the words of the printer's firmware."""
-    names = ("the text's parameters", "fit without tolerances", "estimate with tolerances")
+    names = ("the settings", "fit without tolerances", "estimate with tolerances")
     return dict(zip(names, FITS.values(), strict=True)) if found.other else FITS
 
 
@@ -60,9 +61,11 @@ def parameters(found: Assessment) -> Table:
         values = [cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
         sigma = [cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
         rows.append([name, *values, *sigma, of["verdict"]])
-    fit = "fit" if found.other else "Klipper's"
+    fit, title = "Klipper's", "Parameters, in the file's own terms"
+    if found.other:
+        fit, title = "fit", "Parameters; towers a, b, c are X, Y, Z"
     header = ["parameter", "file", fit, "estimate", "assumed σ", "σ", "verdict"]
-    return Table("parameters", "Parameters, in Klipper's terms", header, rows)
+    return Table("parameters", title, header, rows)
 
 
 def held_out(found: Assessment) -> Table:
@@ -110,6 +113,8 @@ def points_text(found: Assessment) -> str:
 
     DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
     """
+    if found.other:
+        raise InputError(f"--points: is for Klipper; with {found.other} probe the places of --plan")
     probed = [of["steps"][0] for of in found.answer.get("readings", ()) if of["probed"]]
     before = found.delta.positions(found.values, np.reshape(probed, (-1, 3)))[0] / MM
     new = [step["ends_mm"][0] for step in found.answer["plan"] if step["reading"] == "height"]

@@ -1,4 +1,5 @@
-// The assessment of a printer as JSON (packages/printers/docs/delta-printer.md lists its members).
+// The assessment of a printer as JSON (packages/printers/docs/delta-printer.md describes its
+// members).
 #pragma once
 
 #include "truepose/printers/assess.hpp"

@@ -16,11 +16,12 @@ constexpr pair<const char*, const char*> kOtherWords[] = {
     {kTakeOut, "take its line out"},
     {"Klipper's z", "the fit's z"},
     {kKlippers, "a fit of radius, angles and endstops"},
-    {"The file's", "The text's"},
+    {"he file's parameters", "he settings"},
     {"the file's", "the text's"},
     {"the file, which", "the text, which"},
+    {"; distances on a print would tell more", ""},
 };
-constexpr double kClear = 0.5;  ///< share of the residuals that a remedy leaves at most
+constexpr double kClear = 0.5;   ///< share of the residuals that a remedy leaves at most
 constexpr double kUnseen = 0.1;  ///< share of the noise below which no difference is named
 constexpr double kIdentified = 0.3, kBarely = 0.9;  ///< largest posterior over prior σ
 
@@ -107,7 +108,11 @@ inline string departing(const Assessment& of) {
 /// endstops and radius, were calibrated.
 inline string diagnosis(const Assessment& of) {
   if (of.config.kind != "klipper" || of.as_klipper || of.as_good || of.as_theirs) return {};
-  const double now = of.left(of.fits[0]);
+  const auto uneven = [&](const Vector& off) {  // less a common shift, which is the Z offset's
+    const Vector z = off.head(of.heights());
+    return sqrt((z.array() - z.mean()).square().sum() / double(z.size() - 1));
+  };
+  const double now = uneven(of.fits[0]);
   Config saved = of.config;
   string places;
   for (const auto& [place, value] : of.config.saved)
@@ -116,10 +121,9 @@ inline string diagnosis(const Assessment& of) {
                 one_line(own) + " (saved: " + one_line(value) + ")";
       own = value;
     }
-  const double then = places.empty() ? kNaN : rms(off_by(of.printer, printer_of(saved).theta));
+  const double then = places.empty() ? kNaN : uneven(off_by(of.printer, printer_of(saved).theta));
   const auto becomes = [&](double then_) {
-    return ". The heights fit to " + shown_mm(then_) + " mm rms then, to " + shown_mm(now) +
-           " now";
+    return ". Heights are then even to " + shown_mm(then_) + " mm rms, now to " + shown_mm(now);
   };
   if (then < kClear * now)
     return "The main section overrides what SAVE_CONFIG wrote: " + places +
@@ -127,14 +131,14 @@ inline string diagnosis(const Assessment& of) {
   const Delta& delta = of.printer.delta;
   bool nominal = !delta.rotary;
   for (int i = 0; i < 3; ++i)
-    nominal = nominal &&
-              fabs(of.printer.theta[delta.angle() + i] / kDegree - kTurns[0][i]) < kTheSame;
-  if (nominal && of.left(of.fits[1]) < kClear * now)
+    nominal =
+        nominal && fabs(of.printer.theta[delta.angle() + i] / kDegree - kTurns[0][i]) < kTheSame;
+  if (const double least = uneven(of.fits[1]); nominal && least < kClear * now)
     return format(
                "The towers' angles are still the drawing's (delta_radius = %.6g): only the "
                "endstops were calibrated. Run DELTA_CALIBRATE and SAVE_CONFIG, or use the estimate",
                of.printer.theta[0] / kMm) +
-           becomes(of.left(of.fits[1]));
+           becomes(least);
   return {};
 }
 
@@ -235,8 +239,8 @@ inline string use(Assessment& of, const string& steps) {
     return "Use the estimate: with the file's parameters the nozzle does not reach the bed";
   if (of.as_theirs) return keep + "they are the estimate; " + errors;
   if ((of.as_klipper || of.as_good) && unlike_arms(of.printer.delta, of.printer.theta).empty())
-    return keep + "they fit the readings. In other sessions of real printers the estimate " +
-           "predicted no better; " + errors + ", " + shown_mm(after) + " with it";
+    return keep + "they fit the readings, and the estimate predicted other sessions of real " +
+           "printers no better (" + errors + ", " + shown_mm(after) + " with it)";
   const Residuals& theirs = of.extended() ? of.way("Klipper's") : of.held_out[0];
   const double ours = rms_finite(of.way(kEstimate).off), by_theirs = rms_finite(theirs.off);
   const string left_out = "readings that were left out are predicted to " + shown_mm(ours) +
@@ -342,10 +346,11 @@ inline Assessment assessed(string_view text, const Request& request) {
   for (int i = 0; i < 3; ++i)
     if (!isfinite(delta.homed(of.prior.mean, i)))
       stop("an arm does not reach the middle at its endstop");
+  const bool heights_alone = request.heights_alone || config.kind != "klipper";
   const int enough = of.read ? 0 : int(adjusted(delta, false).cols()) + 1;
   if (enough) {
     of.estimate = estimate(delta, {}, of.prior, request.assumed);
-    if (!request.heights_alone)
+    if (!heights_alone)
       of.assumptions.push_back(format(
           "Heights come first, %d of them, one more than Klipper adjusts parameters by: before "
           "that nothing can be printed",
@@ -355,7 +360,7 @@ inline Assessment assessed(string_view text, const Request& request) {
   }
   if (request.next == 0 || !config.error.empty()) return of;
   of.plan = next_readings(of.printer, of.estimate, of.found_noise, request.next,
-                          request.heights_alone ? request.next : enough);
+                          heights_alone ? request.next : enough);
   if (of.plan.empty())
     stop("the nozzle cannot be over the bed");
   else if (int(of.plan.size()) <= request.next)

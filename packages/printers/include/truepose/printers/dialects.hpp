@@ -37,8 +37,8 @@ constexpr Dialect kDialects[] = {
     {"smoothieware", "Smoothieware", "M665 L", "M665 R", "M665 Z", "M665 DEH", "M666 XYZ",
      "M665 IJK", "", "", "", -1, true, "M503, then G29.1, or G29 of the delta calibration"},
     {"repetier", "Repetier", "EPR 881", "EPR 885", "EPR 153", "EPR 901,905,909", "EPR 893,895,897",
-     "EPR 933,937,941", "", "", "EPR 800,EPR 804,EPR 880,EPR 913,EPR 917,EPR 921,EPR zCorr", 1, true,
-     "M205, then G29, or G30 at 13 points or more"},
+     "EPR 933,937,941", "", "", "EPR 800,EPR 804,EPR 880,EPR 913,EPR 917,EPR 921,EPR zCorr", 1,
+     true, "M205, then G29, or G30 at 13 points or more"},
 };
 inline const Dialect& dialect_of(const string& kind) {
   return *std::find_if(std::begin(kDialects), std::end(kDialects),
@@ -53,7 +53,8 @@ inline string word_of(string_view words, int i) {
          (numbers ? parts_of(words.substr(at), ',')[i] : string(1, words[at + i]));
 }
 inline bool Dialect::reads(const string& word) const {
-  bool found = word == rod || word == radius || word == height || string_view(also).find(word) != string_view::npos;
+  bool found = word == rod || word == radius || word == height ||
+               string_view(also).find(word) != string_view::npos;
   for (const char* words : {angle, end, trim, probe})
     for (int i = 0; *words && i < 2 + (words != probe); ++i)
       found = found || word_of(words, i) == word;
@@ -66,18 +67,19 @@ inline const Dialect* spoken(string_view text, string& why) {
       ": the meaning of its letters is not known. Known are Klipper, Marlin, RepRapFirmware, "
       "Smoothieware and Repetier";
   constexpr pair<const char*, int> kSigns[] = {
-      {"MK4duo", -1},      {"MarlinKimbra", -1},    {"M666 R", -1},       {"M666 D", -1},
-      {"EPR:", 3},         {"Z-probe:", 3},         {"arm_radius ", 2},   {"PROBE: X", 2},
-      {"G29.1", 2},        {"center probe:", 2},    {"Trim (mm)", 2},
-      {"delta radius ", 1}, {"probe heights:", 1},  {"ndstop adjust", 1}, {"height map file", 1},
-      {"G30 P", 1}};
+      {"MK4duo", -1},        {"MarlinKimbra", -1}, {"M666 R", -1},         {"M666 D", -1},
+      {"EPR:", 3},           {"Z-probe:", 3},      {"arm_radius ", 2},     {"PROBE: X", 2},
+      {"G29.1", 2},          {"center probe:", 2}, {"Trim (mm)", 2},       {"delta radius ", 1},
+      {"probe heights:", 1}, {"ndstop adjust", 1}, {"height map file", 1}, {"G30 P", 1}};
   constexpr char kName[] = "FIRMWARE_NAME:";
   if (const size_t at = text.find(kName); at != text.npos) {
     const string_view line = text.substr(at + sizeof kName - 1, 40);
     const string name(trimmed(line.substr(0, line.find_first_of("\r\n"))));
     for (const Dialect& each : kDialects)
       if (lower(name).starts_with(lower(each.name).substr(0, 6))) return &each;
-    why = kName + one_line(name, 30) + kKnown;
+    why = lower(name).starts_with("klipper")
+              ? "a session of Klipper: give printer.cfg or klippy.log"
+              : kName + one_line(name, 30) + kKnown;
     return nullptr;
   }
   for (const auto& [sign, number] : kSigns)

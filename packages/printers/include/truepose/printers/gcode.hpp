@@ -31,7 +31,8 @@ inline string unread(const Words& words, const Dialect& by) {
       return refused(word, values[0], 0);
     if (used || of->idle == "*" || of->idle.find(letter) != of->idle.npos) continue;
     known = known && of->name != "M665";
-    if (values.size() != 1 || values[0] != of->neutral) return refused(word, values[0], of->neutral);
+    if (values.size() != 1 || values[0] != of->neutral)
+      return refused(word, values[0], of->neutral);
   }
   for (int i = 0; i < 3 && *by.trim; ++i)
     if (const auto at = words.find(word_of(by.trim, i));
@@ -58,9 +59,9 @@ inline Vector parameters_of(const Words& words, const Dialect& by, Delta& delta)
     p[delta.rod() + i] =
         L->second[L->second.size() == 3 ? size_t(i) : 0] + (fabs(trim) <= kTrim ? trim : 0);
     p[delta.angle() + i] = angle + value_of(words, word_of(by.angle, i), turn - angle);
-    p[delta.endstop() + i] =
-        value_of(words, by.height) +
-        by.sign * value_of(words, word_of(by.end, i)) / (by.eeprom() ? steps : 1);
+    p[delta.endstop() + i] = value_of(words, by.height) + by.sign *
+                                                              value_of(words, word_of(by.end, i)) /
+                                                              (by.eeprom() ? steps : 1);
     delta.step[i] = 1 / steps;
   }
   return p;
@@ -77,8 +78,8 @@ inline string points_of(const Probing& of, const Dialect& dialect, double probe_
        {pair(dialect.rod, "length of the rods"), pair(dialect.radius, "radius"),
         pair(dialect.height, "homed height")})
     if (!of.words.contains(word))
-      return replaced(word, " ", " has no ") + ", the " + name + ": for " + dialect.name + " give " +
-             dialect.probing;
+      return replaced(word, " ", " has no ") + ", the " + name + ": for " + dialect.name +
+             " give " + dialect.probing;
   if (string said = unread(of.words, dialect); !said.empty()) return said;
   Vector3 offset(0, 0, 0);
   for (int i = 0; i < 2 && *dialect.probe; ++i)
@@ -128,7 +129,7 @@ inline string points_of(const Probing& of, const Dialect& dialect, double probe_
 /// A session of another firmware as Klipper's configuration; any other text as Klipper's own.
 inline Config read(string_view text, double probe_radius) {
   const auto has = [&](string_view word) { return text.find(word) != text.npos; };
-  if (!(has("M66") || has("delta radius") || has("EPR:") || has("arm_radius ")) ||
+  if (!(has("M66") || has("m66") || has("delta radius") || has("EPR:") || has("arm_radius ")) ||
       has("===== Config file ====="))
     return parse_config(text);
   Config config;
@@ -151,8 +152,7 @@ inline Config read(string_view text, double probe_radius) {
       if (why.empty()) why = said;
       if (said.empty()) of = &each;
     }
-  if (count == 0)
-    why = format("no probed heights: for %s give %s", dialect.name, dialect.probing);
+  if (count == 0) why = format("no probed heights: for %s give %s", dialect.name, dialect.probing);
   if (!of) config.fail(why);
   if (!of) return config;
 
@@ -210,6 +210,8 @@ inline Config read(string_view text, double probe_radius) {
         int(of - &session.probings[0]) + 1, int(bed.size()), dialect.radius,
         value_of(of->words, dialect.radius), dialect.height, value_of(of->words, dialect.height),
         why.empty() ? "" : "; not the last: ", why.c_str()));
+  if (const string word = word_of(dialect.end, 0); !of->words.contains(word))
+    notes.push_back(word + " is not in the text: endstops are taken as 0");
   if (dialect.relative)
     notes.push_back(
         "these heights have no origin: z = 0 is taken at the probed point nearest to the middle");

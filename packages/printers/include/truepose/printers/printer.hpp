@@ -159,8 +159,11 @@ inline void read_nominal(const Config& config, Printer& printer) {
     const double value = commented(of.place.second);
     if (isnan(value)) continue;
     was = value;
-    printer.arm_said = "[" + of.place.first + "] " + of.place.second +
-                       format(" before it was replaced by %.7g", printer.theta[k] / kMm);
+    const double now = printer.theta[k] / kMm;
+    printer.arm_said =
+        "[" + of.place.first + "] " + of.place.second + " before " +
+        (fabs(now - value / kMm) < 1e-6 ? string("it was replaced")
+                                        : format("SAVE_CONFIG's %.7g replaced it", now));
   }
   if (!by_hand && !isnan(was)) {
     printer.arm = was;

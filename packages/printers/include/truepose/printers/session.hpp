@@ -43,10 +43,10 @@ struct Command {
   double neutral = 0;  ///< value at which any other word has no influence
 };
 constexpr Command kCommands[] = {
-    {"M665", ""},  {"M666", ""},   {"M92", "*"},   {"M851", "XYZ"},  {"G31", "*"},  {"M206", ""},
-    {"M290", "R"}, {"M556", "SP"}, {"M579", "P", 1}, {"M669", "ST", 3}, {"M852", ""}, {"G30", "*"},
-    {"G33", "*"},  {"G32", "*"},   {"G100", "*"},  {"G132", "*"},  {"M501", "*"}, {"M502", "*"},
-    {"EPR", "*"},
+    {"M665", ""},  {"M666", ""},  {"M92", "*"},   {"M851", "XYZ"},  {"G31", "*"},
+    {"M206", ""},  {"M290", "R"}, {"M556", "SP"}, {"M579", "P", 1}, {"M669", "ST", 3},
+    {"M852", ""},  {"G30", "*"},  {"G33", "*"},   {"G32", "*"},     {"G100", "*"},
+    {"G132", "*"}, {"M501", "*"}, {"M502", "*"},  {"EPR", "*"},
 };
 inline const Command* command_of(string_view name) {
   const auto at = std::find_if(std::begin(kCommands), std::end(kCommands),
@@ -131,7 +131,8 @@ class Session {
 
   Session(string_view text, const Dialect& dialect) : of_(dialect) {
     const char* comment = of_.relative ? ";#" : ";";
-    for (const string_view whole : lines_of(text)) line(whole.substr(0, whole.find_first_of(comment)));
+    for (const string_view whole : lines_of(text))
+      line(whole.substr(0, whole.find_first_of(comment)));
     settle();
     for (Probing& each : probings) {
       // Printed for the first time later, and not changed before: already in force.
@@ -243,8 +244,10 @@ class Session {
     };
     const bool sent = has("Send:") || has("SENDING:") || text.starts_with('>');
     if (has("nknown command")) return;
-    if (has("height map file")) map_ = 1;
-    else if (map_) return row(parts_of(text, ','));
+    if (has("height map file"))
+      map_ = 1;
+    else if (map_)
+      return row(parts_of(text, ','));
     if (has("Calibrating Endstops"))
       for (int i = 0; i < 3; ++i) lose(word_of(of_.end, i), "G32");
     if (has("Calibrating delta radius")) lose(of_.radius, "G32");
@@ -264,12 +267,15 @@ class Session {
       if (parts.size() > 2 && !isnan(number_of(parts[2])))
         set("EPR " + parts[1], {number_of(parts[2])}, 1e-3, false);
     }
-    for (size_t at = text.find_first_of("MG"); at < text.size();
-         at = text.find_first_of("MG", at + 1)) {
-      const size_t end = min(text.find_first_not_of("0123456789.", at + 1), text.size());
-      const string name(text.substr(at, end - at));
-      if (begins(text, at) && command_of(name) && text.find(" Auto Calibrate", at) == text.npos)
-        command(name, text, end, sent);
+    string caps(text);  // commands may be typed in lower case
+    for (char& c : caps)
+      if (c >= 'a' && c <= 'z') c = char(c + 'A' - 'a');
+    for (size_t at = caps.find_first_of("MG"); at < caps.size();
+         at = caps.find_first_of("MG", at + 1)) {
+      const size_t end = min(caps.find_first_not_of("0123456789.", at + 1), caps.size());
+      const string name = caps.substr(at, end - at);
+      if (begins(caps, at) && command_of(name) && text.find(" Auto Calibrate", at) == text.npos)
+        command(name, caps, end, sent);
     }
     const auto point = [&](string_view in, const char* labels, double up = 1) {
       const size_t at = text.find(in);
