@@ -135,8 +135,8 @@ inline string diagnosis(const Assessment& of) {
         nominal && fabs(of.printer.theta[delta.angle() + i] / kDegree - kTurns[0][i]) < kTheSame;
   if (const double least = uneven(of.fits[1]); nominal && least < kClear * now)
     return format(
-               "The towers' angles are still the drawing's (delta_radius = %.6g): only the "
-               "endstops were calibrated. Run DELTA_CALIBRATE and SAVE_CONFIG, or use the estimate",
+               "Only the endstops were calibrated: the towers' angles are still the drawing's "
+               "(delta_radius = %.6g). Run DELTA_CALIBRATE and SAVE_CONFIG, or use the estimate",
                of.printer.theta[0] / kMm) +
            becomes(least);
   return {};

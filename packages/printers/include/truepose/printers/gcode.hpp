@@ -27,7 +27,10 @@ inline string unread(const Words& words, const Dialect& by) {
     bool used = by.reads(word) && (values.size() == 1 || (word == by.rod && values.size() == 3));
     if (by.trim == string("M665 ABC") && word.starts_with("M665") && letter >= 'A' && letter <= 'C')
       used = used && (fabs(values[0]) <= kTrim || (letter == 'B' && values[0] > 0));
-    if (string_view(by.zero).find(word) != string_view::npos && values[0] != 0)
+    for (int i = 0; i < 3 && !by.eeprom();
+         ++i)  // no turn of a tower, but another firmware's length
+      used = used && (word != word_of(by.angle, i) || fabs(values[0]) <= 2 * kTrim);
+    if (string_view(by.zero).find(word + ",") != string_view::npos && values[0] != 0)
       return refused(word, values[0], 0);
     if (used || of->idle == "*" || of->idle.find(letter) != of->idle.npos) continue;
     known = known && of->name != "M665";
@@ -129,7 +132,8 @@ inline string points_of(const Probing& of, const Dialect& dialect, double probe_
 /// A session of another firmware as Klipper's configuration; any other text as Klipper's own.
 inline Config read(string_view text, double probe_radius) {
   const auto has = [&](string_view word) { return text.find(word) != text.npos; };
-  if (!(has("M66") || has("m66") || has("delta radius") || has("EPR:") || has("arm_radius ")) ||
+  if (!(has("M66") || has("m66") || has("delta radius") || has("EPR:") || has("Z-probe:") ||
+        has("arm_radius ")) ||
       has("===== Config file ====="))
     return parse_config(text);
   Config config;
@@ -140,6 +144,8 @@ inline Config read(string_view text, double probe_radius) {
   if (!session.seen && !(has("M666 R") || has("M666 D"))) return parse_config(text);
   if (!spoken_) config.fail(why);
   if (!spoken_) return config;
+  const bool unsure = !why.empty();
+  why.clear();
   // The last probing of several points whose settings are known.
   const Probing* of = nullptr;
   const int count = int(session.probings.size());
@@ -152,7 +158,12 @@ inline Config read(string_view text, double probe_radius) {
       if (why.empty()) why = said;
       if (said.empty()) of = &each;
     }
-  if (count == 0) why = format("no probed heights: for %s give %s", dialect.name, dialect.probing);
+  if (count == 0) {
+    why = "no probed heights: ";
+    for (const Dialect& each : kDialects)
+      if (unsure || &each == &dialect)
+        why += format("%sfor %s give %s", why.back() == ' ' ? "" : "; ", each.name, each.probing);
+  }
   if (!of) config.fail(why);
   if (!of) return config;
 
