@@ -167,7 +167,7 @@ def test_a_value_of_the_main_section_that_overrides_the_calibration_is_the_diagn
 
 def test_angles_of_the_drawing_mean_that_only_the_endstops_were_calibrated():
     said = words_of(read("danorder-v400"))[0]
-    assert said.startswith("Only the endstops were calibrated: the towers' angles are still the")
+    assert said.startswith("Only the endstops are calibrated: the towers' angles are the")
     assert "Run DELTA_CALIBRATE" in said and "now to 0.13" in said
 
 

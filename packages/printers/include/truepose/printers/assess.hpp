@@ -135,7 +135,7 @@ inline string diagnosis(const Assessment& of) {
         nominal && fabs(of.printer.theta[delta.angle() + i] / kDegree - kTurns[0][i]) < kTheSame;
   if (const double least = uneven(of.fits[1]); nominal && least < kClear * now)
     return format(
-               "Only the endstops were calibrated: the towers' angles are still the drawing's "
+               "Only the endstops are calibrated: the towers' angles are the drawing's "
                "(delta_radius = %.6g). Run DELTA_CALIBRATE and SAVE_CONFIG, or use the estimate",
                of.printer.theta[0] / kMm) +
            becomes(least);
