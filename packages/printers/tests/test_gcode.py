@@ -308,6 +308,15 @@ def test_every_dialect_has_the_same_printer(name):
         (smoothieware(BEFORE).replace("R160", "A0.3 R160"), "M665 A0.3 is not read: Smoothieware"),
         (smoothieware(BEFORE).split("G29.1")[0], "no probed heights: for Smoothieware give M503"),
         (smoothieware(BEFORE).replace("Z418", "Z418 H418"), "M665 H418 is not read: Smoothieware"),
+        (
+            "G30" + rrf(BEFORE).split("G30", 1)[1],
+            "M665 has no L, the length of the rods: for RepRap",
+        ),
+        (g30(BEFORE), "M665 has no L, the length of the rods: for Marlin give M503"),
+        (
+            m503(BEFORE).replace(" H418.00", " I0 J0 K0") + g30(BEFORE),
+            "Marlin before 1.1.3 has none",
+        ),
         (rrf(BEFORE).split("G30")[0] + "M558 P9\n", "no probed heights: for RepRapFirmware give"),
         (rrf(BEFORE).split("G30")[0], "at 13 points or more; for RepRapFirmware give"),
         (rrf(BEFORE).split("G30")[0] + "G30 P0\n", "no probed heights: for RepRapFirmware give"),

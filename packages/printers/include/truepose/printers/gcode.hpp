@@ -82,7 +82,10 @@ inline string points_of(const Probing& of, const Dialect& dialect, double probe_
         pair(dialect.height, "homed height")})
     if (!of.words.contains(word))
       return replaced(word, " ", " has no ") + ", the " + name + ": for " + dialect.name +
-             " give " + dialect.probing;
+             " give " + dialect.probing +
+             (&dialect == kDialects && word == dialect.height
+                  ? ". Marlin before 1.1.3 has none: add 'M665 H…', Z after G28"
+                  : "");
   if (string said = unread(of.words, dialect); !said.empty()) return said;
   Vector3 offset(0, 0, 0);
   for (int i = 0; i < 2 && *dialect.probe; ++i)
@@ -132,10 +135,7 @@ inline string points_of(const Probing& of, const Dialect& dialect, double probe_
 /// A session of another firmware as Klipper's configuration; any other text as Klipper's own.
 inline Config read(string_view text, double probe_radius) {
   const auto has = [&](string_view word) { return text.find(word) != text.npos; };
-  if (!(has("M66") || has("m66") || has("delta radius") || has("EPR:") || has("Z-probe:") ||
-        has("arm_radius ")) ||
-      has("===== Config file ====="))
-    return parse_config(text);
+  if (has("[printer]") || has("===== Config file =====")) return parse_config(text);
   Config config;
   string why;
   const Dialect* spoken_ = spoken(text, why);

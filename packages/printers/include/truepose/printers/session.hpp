@@ -127,7 +127,7 @@ class Session {
   vector<Probing> probings;
   Words words;               ///< at the end
   map<string, string> lost;  ///< at the end
-  bool seen = false;         ///< a length of the rods or a radius is there
+  bool seen = false;         ///< a length of the rods, a radius, an endstop or a height is there
 
   Session(string_view text, const Dialect& dialect) : of_(dialect) {
     const char* comment = of_.relative ? ";#" : ";";
@@ -135,6 +135,7 @@ class Session {
       line(whole.substr(0, whole.find_first_of(comment)));
     settle();
     for (Probing& each : probings) {
+      seen = seen || each.by != "G33";
       // Printed for the first time later, and not changed before: already in force.
       for (const auto& [word, values] : first_)
         if (!each.lost.contains(word)) each.words.try_emplace(word, values);
@@ -154,7 +155,7 @@ class Session {
   double grid_[4] = {};       ///< its first x, first y, distances
 
   void set(const string& word, vector<double> values, double unit, bool sent) {
-    seen = seen || word == of_.rod || word == of_.radius;
+    seen = seen || word == of_.rod || word == of_.radius || word == word_of(of_.end, 0);
     const auto now = words.find(word);
     if (now == words.end()) {
       if (!sent && !lost.contains(word))
