@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.exceptions import InputError
 from truepose.show import Cell, Table, fixed
 from truepose_printers.assessment import DEGREE, MM, Assessment
 
@@ -30,10 +31,16 @@ def tables(found: Assessment, narrow: bool = False) -> list[Table]:
     return [fits(found), known, *left_out, bed(found)]
 
 
+def _names(found: Assessment) -> dict[str, str]:
+    """Return FITS in the words of the printer's firmware."""
+    names = ("the settings", "fit without tolerances", "estimate with tolerances")
+    return dict(zip(names, FITS.values(), strict=True)) if found.other else FITS
+
+
 def fits(found: Assessment) -> Table:
     """Return the residuals of the readings with three sets of parameters."""
     rows = []
-    for name, key in FITS.items():
+    for name, key in _names(found).items():
         parts = [found.column(key, distance) for distance in (False, True)]
         cells = [(cell(rms(off), 4), cell(np.abs(off).max(initial=-math.inf))) for off in parts]
         rows.append([name, *cells[0], *cells[1]])
@@ -54,8 +61,11 @@ def parameters(found: Assessment) -> Table:
         values = [cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
         sigma = [cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
         rows.append([name, *values, *sigma, of["verdict"]])
-    header = ["parameter", "file", "Klipper's", "estimate", "assumed σ", "σ", "verdict"]
-    return Table("parameters", "Parameters, in the file's own terms", header, rows)
+    fit, title = "Klipper's", "Parameters, in the file's own terms"
+    if found.other:
+        fit, title = "fit", "Parameters; towers a, b, c are X, Y, Z"
+    header = ["parameter", "file", fit, "estimate", "assumed σ", "σ", "verdict"]
+    return Table("parameters", title, header, rows)
 
 
 def held_out(found: Assessment) -> Table:
@@ -71,7 +81,7 @@ def bed(found: Assessment) -> Table:
     """Return the expected errors over the bed with the file's parameters and with the estimate."""
     rows = [
         [name, *map(cell, found.answer["bed"][key]["rms_mm"])]
-        for name, key in zip(FITS, ("now", "", "after"), strict=True)
+        for name, key in zip(_names(found), ("now", "", "after"), strict=True)
         if key
     ]
     header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
@@ -103,6 +113,8 @@ def points_text(found: Assessment) -> str:
 
     DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
     """
+    if found.other:
+        raise InputError(f"--points: is for Klipper; with {found.other} probe the places of --plan")
     probed = [of["steps"][0] for of in found.answer.get("readings", ()) if of["probed"]]
     before = found.delta.positions(found.values, np.reshape(probed, (-1, 3)))[0] / MM
     new = [step["ends_mm"][0] for step in found.answer["plan"] if step["reading"] == "height"]
