@@ -128,9 +128,9 @@ def table(
     for name, p in found.items():
         factor, unit = units[name]
         cells = [
-            Cell(f"{factor * p.value:.4f}", p.value),
-            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
-            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(factor * p.value, 4),
+            fixed(factor * (p.value - p.prior), 4, "+"),
+            *(fixed(factor * v, 4) for v in (p.prior_sigma, p.sigma)),
             fixed(p.ratio),
         ]
         rows.append([named(what, name, unit), *cells, p.verdict])
