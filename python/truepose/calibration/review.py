@@ -202,7 +202,14 @@ def differences_table(fit: Calibration) -> Table | None:
         size = fixed(of.left_out / of.left_out_sigma)
         verdict = "wrong?" if of.doubtful else "outlier" if of.weight < 0.1 else ""
         rows.append([of.name, *cells, size, verdict])
-    header = ["measured less expected", "by all (mm)", "by all others (mm)", "σ (mm)", "over σ", "verdict"]
+    header = [
+        "measured less expected",
+        "by all (mm)",
+        "by all others (mm)",
+        "σ (mm)",
+        "over σ",
+        "verdict",
+    ]
     return Table("differences", "Differences between poses", header, rows)
 
 

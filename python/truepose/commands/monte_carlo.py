@@ -13,7 +13,7 @@ from truepose.arguments import finite_rows
 from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
-from truepose.robot import Robot, in_print, load, summed
+from truepose.robot import Robot, in_print, list_robots, load, summed
 from truepose.show import Table, fixed, named, tabled
 from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
@@ -196,6 +196,8 @@ def study_command(
 
     Example: **truepose monte-carlo calibration h4 par4 --robots 200 -o my-study**
     """
+    if function in list_robots():
+        raise InputError(f"{function}: is a robot; the function is first: monte-carlo rest h4")
     with progress("cases") as bar:
         found = monte_carlo(
             function,

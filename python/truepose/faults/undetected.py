@@ -56,7 +56,10 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
                 robot.readings[i],
                 _cell({units[i]: float(off[at])}, "off"),
                 _cell(moves, "moves"),
-                Cell(", ".join(told), {f"{s} ({PRINT[u][1]})": PRINT[u][0] * v for s, v, u in sensors}),
+                Cell(
+                    ", ".join(told),
+                    {f"{s} ({PRINT[u][1]})": PRINT[u][0] * v for s, v, u in sensors},
+                ),
                 Cell(
                     f"{number(torque)} {unit} ({number(friction)})",
                     {f"torque ({unit})": torque, f"friction ({unit})": friction},

@@ -154,6 +154,11 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise AttributeError(f"{name}: a robot file is immutable: robot.with_file() copies it")
+        super().__setattr__(name, value)
+
     def stated(self, *keys: str) -> list[str]:
         """Return those of the keys that the table states other than by default, and need not."""
         own = {key: of for key, of in type(self).model_fields.items() if not of.is_required()}
