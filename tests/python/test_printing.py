@@ -7,6 +7,7 @@ import math
 import pickle
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -202,3 +203,61 @@ def test_a_command_answers_first_on_one_screen_and_prints_the_rest_on_request(
     (left,) = [int(line.split()[0]) for line in screen if "more lines with --all" in line] or [0]
     shown = len(every) - left - sum(line.startswith("Wrote") for line in every)
     assert screen[: shown - 1] == every[: shown - 1]
+
+
+#: Every command of the core that prints tables, with its quick options.
+AS_DATA = [
+    "list",
+    "info h4 --samples 50",
+    "check robot.toml",
+    "accuracy h4 --sensors theta --calibrated",
+    "error-budget h4 --calibrated 20",
+    "design h4 --price theta=90 --price z_telemeter=400 --must theta --budget 600 --robots 0",
+    "design h4 --place wire1",
+    "plan h4 --count 3 --candidates 20",
+    "faults five-bar",
+    "faults h4",
+    "faults h4 log.csv",
+    "calibrate h4 log.csv",
+    "calibrate h4 tracked.csv",
+    "zero g1-ankle posture.csv",
+    "simulate five-bar",
+    "simulate-log h4 -o new.csv",
+    "simulate-log h4 -o log.csv --found calibrated.toml",
+    "monte-carlo rest five-bar --robots 2 --workers 0",
+    "margins five-bar",
+]
+
+
+@pytest.fixture(scope="module")
+def made(h4_text, tmp_path_factory):
+    """Return a folder with the files of the commands."""
+    folder = tmp_path_factory.mktemp("data")
+    (folder / "robot.toml").write_text(h4_text, encoding="utf-8")
+    ankle = tp.load("g1-ankle")
+    row = ",".join(map(repr, ankle.extended_positions(np.zeros(2)).tolist()))
+    (folder / "posture.csv").write_text(f"{','.join(ankle.readings)}\n{row}\n", encoding="utf-8")
+    for words in (
+        "simulate-log h4 -o log.csv",
+        "simulate-log h4 -o tracked.csv --tracker",
+        "calibrate h4 log.csv -o calibrated.toml",
+    ):
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as left:
+            patch.chdir(folder)
+            patch.setattr(sys, "argv", ["truepose", *words.split()])
+            cli.main()
+        assert left.value.code == 0
+    return folder
+
+
+@pytest.mark.parametrize("words", AS_DATA)
+def test_data_are_json_alone_in_the_printed_units(run, made, words):
+    for file in made.iterdir():
+        Path(file.name).write_bytes(file.read_bytes())
+    status, out, _ = run(*words.split(), "--format", "json")
+    tables = json.loads(out)
+    assert status == 0
+    for row in (row for table in tables.values() for row in table):
+        assert row.get("unit") not in ("m", "rad")
+        for name in row:
+            assert name and not re.search(r", (mm|°)|\((m|rad)\)", name), name

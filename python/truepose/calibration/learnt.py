@@ -10,7 +10,7 @@ from truepose.arguments import Array
 from truepose.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
-from truepose.show import Cell, Table, fixed, named
+from truepose.show import Table, fixed, named
 
 #: Largest posterior over prior σ of an identified, and of a barely identified parameter.
 IDENTIFIED, BARELY = 0.3, 0.9

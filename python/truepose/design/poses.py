@@ -90,7 +90,7 @@ def plan_poses(
     Raises
     ------
     InputError
-        No candidate is informative; there are fewer than `count`; all together do not reach the target.
+        No candidate is informative; there are too few; all together do not reach the target.
 
     Examples
     --------

@@ -107,6 +107,7 @@ def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Arr
     if not reached.all():
         raise InputError(
             f"volume: {1 - reached.mean():.0%} of it is out of reach: choose a smaller one; "
-            f"are its units right, m and rad without one? (truepose info {robot.name} prints the workspace)"
+            f"are its units right, m and rad without one? (truepose info {robot.name} prints the "
+            "workspace)"
         )
     return low + inside[:POSES] * (high - low)
