@@ -2,7 +2,6 @@
 
 import builtins
 import json
-import re
 
 import numpy as np
 import pytest

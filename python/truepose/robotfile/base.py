@@ -152,7 +152,7 @@ def tables(data: dict, key: str) -> list[dict]:
 class Section(BaseModel):
     """A table of a robot file: no unknown keys, immutable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not name.startswith("_"):

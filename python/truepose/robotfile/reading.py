@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from truepose import files
 from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
@@ -199,9 +199,11 @@ def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnyS
 
 
 @functools.cache
-def _adapter(kind: type[Section], key: str) -> TypeAdapter:
+def _adapter(kind: type[Section], key: str) -> Any:
+    from pydantic import TypeAdapter
+
     field = kind.model_fields[key]
-    made = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    made: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
     return TypeAdapter(made)
 
 
