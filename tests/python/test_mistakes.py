@@ -9,6 +9,7 @@ from fixtures import drawn_poses
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
+from truepose.robotfile import shipped
 
 H4 = tp.load("h4")
 X = [0.05, 0.05, -0.4, 0.2]
@@ -279,6 +280,11 @@ COMMANDS = {
     "no pose": ({}, "plan h4 --count 0", "--count"),
     "an unknown study": ({}, "monte-carlo acuracy h4", "calibration"),
     "a study's robot first": ({}, "monte-carlo h4 rest", "function"),
+    "robots without tolerances": (
+        {"r.toml": shipped()["five-bar"].read_text(encoding="utf-8").partition("[tolerances]")[0]},
+        "monte-carlo rest r.toml",
+        "tolerances",
+    ),
     "a share without %": ({}, "design h4 --confidence 0.95 --price *=1", "0.95"),
     "a price with a colon": ({}, "design h4 --price theta:90", "SENSOR=PRICE"),
     "a payload of one number": ({}, "accuracy h4 --conditions payload=2", "LOW..HIGH"),

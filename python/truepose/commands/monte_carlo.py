@@ -13,7 +13,7 @@ from truepose.arguments import finite_rows
 from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
-from truepose.robot import Robot, in_print, list_robots, load, summed
+from truepose.robot import Robot, in_print, knowledge, list_robots, load, summed
 from truepose.show import Table, fixed, named, tabled
 from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
@@ -198,10 +198,13 @@ def study_command(
     """
     if function in list_robots():
         raise InputError(f"{function}: is a robot; the function is first: monte-carlo rest h4")
+    sampled = [options.load_with(robot, sensors) for robot in robots]
+    for robot in sampled if function in MEANING else ():
+        knowledge.require_uncertain(robot)  # else every result is 0
     with progress("cases") as bar:
         found = monte_carlo(
             function,
-            [options.load_with(robot, sensors) for robot in robots],
+            sampled,
             count,
             grid=dict(map(_values, grid or ())),
             seed=seed,
