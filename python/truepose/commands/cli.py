@@ -149,8 +149,8 @@ def _said(error: TyperException) -> str:
     if context and said.startswith("No such command") and "Did you mean" not in said:
         known = context.command.commands.items()
         said += f" (choices: {', '.join(name for name, one in known if not one.hidden)})"
-    elif context and said.startswith("Missing"):
-        said += f" {context.command_path} --help describes it"
+    elif context and said.startswith(("Missing", "Got unexpected")):
+        said += f" ({context.command_path} --help)"
     return said or "no command given; try --help"
 
 
