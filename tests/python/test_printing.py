@@ -261,3 +261,11 @@ def test_data_are_json_alone_in_the_printed_units(run, made, words):
         assert row.get("unit") not in ("m", "rad")
         for name in row:
             assert name and not re.search(r", (mm|°)|\((m|rad)\)", name), name
+
+
+def test_progress_without_a_terminal_is_a_line_at_intervals(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "QUIET", -1.0)
+    with terminal.progress("robots", 3) as update:
+        update(completed=1)
+        update(description="sets", advance=1)
+    assert capsys.readouterr().err == "robots: 1 of 3\nsets: 2 of 3\n"
