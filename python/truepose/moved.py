@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import fields, replace
+from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 from truepose.exceptions import InputError
@@ -181,20 +182,28 @@ def _now(name: str, new: str) -> str:
 
 
 def answer_imports() -> None:
-    """Let imports of modules and names that moved fail with their new name."""
+    """Let imports of modules that moved fail with their new name."""
     sys.meta_path.append(_Moved())
-    for module in NAMES.keys() & sys.modules.keys():
-        vars(sys.modules[module])["__getattr__"] = functools.partial(_absent, module)
 
 
-def _absent(module: str, name: str) -> None:
-    """Raise the error of a name that a module does not have, with the place that has it."""
-    package = sys.modules["truepose"]
-    places = [f"truepose.{part}" for part in package.__all__ if part.islower()]
-    held = (f"{place}.{name}" for place in places if name in dir(sys.modules.get(place)))
-    if name not in NAMES[module] and name[:1] != "_" and (new := next(held, None)):
-        raise AttributeError(_now(f"{module}.{name}", new))
-    raise AttributeError(no_attribute(module, name, dir(sys.modules[module])))
+def answers(module: str) -> Callable[[str], None]:
+    """Return a module's `__getattr__`."""
+
+    def refuse(name: str) -> None:
+        raise AttributeError(absent(module, name))
+
+    return refuse
+
+
+def absent(module: str, name: str) -> str:
+    """Return the message that a module has no such name, with the place that has it."""
+    if name not in NAMES[module] and name[:1] != "_":
+        package = sys.modules["truepose"]
+        parts = {part: getattr(package, part) for part in package.__all__}
+        for part, of in parts.items():
+            if isinstance(of, ModuleType) and name in dir(of):
+                return _now(f"{module}.{name}", f"truepose.{part}.{name}")
+    return no_attribute(module, name, dir(sys.modules[module]))
 
 
 def no_attribute(of: str, name: str, known: list[str]) -> str:
