@@ -4,20 +4,20 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from truepose import calibration, control, faults, logs, moved
-from truepose.calibration.bound import accuracy
-from truepose.calibration.calibrate import calibrate
-from truepose.calibration.online import OnlineCalibrator
-from truepose.control.controller import Controller
-from truepose.control.effects import Effects
+from truepose import moved
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
-from truepose.faults.monitor import FaultMonitor
 from truepose.robot import Robot, list_robots, load
 
 if TYPE_CHECKING:
-    from truepose import design, simulation
+    from truepose import calibration, control, design, faults, logs, simulation
+    from truepose.calibration.bound import accuracy
+    from truepose.calibration.calibrate import calibrate
+    from truepose.calibration.online import OnlineCalibrator
+    from truepose.control.controller import Controller
+    from truepose.control.effects import Effects
     from truepose.design.poses import plan_poses
     from truepose.design.sensors import select_sensors
+    from truepose.faults.monitor import FaultMonitor
     from truepose.simulation.equilibrium import steady_state
     from truepose.simulation.simulate import simulate
     from truepose.studies.study import monte_carlo
@@ -53,7 +53,17 @@ __all__ = [
 
 #: Modules that are imported on first use, by the names that they provide.
 _LATER = {
+    "Controller": "truepose.control.controller",
+    "Effects": "truepose.control.effects",
+    "FaultMonitor": "truepose.faults.monitor",
+    "OnlineCalibrator": "truepose.calibration.online",
+    "accuracy": "truepose.calibration.bound",
+    "calibrate": "truepose.calibration.calibrate",
+    "calibration": "truepose.calibration",
+    "control": "truepose.control",
     "design": "truepose.design",
+    "faults": "truepose.faults",
+    "logs": "truepose.logs",
     "monte_carlo": "truepose.studies.study",
     "plan_poses": "truepose.design.poses",
     "select_sensors": "truepose.design.sensors",
