@@ -91,7 +91,7 @@ def test_programs_get_every_digit(run, config):
     data = json.loads(out)
     assert list(data) == ["fits", "parameters", "held_out", "bed"]
     (radius,) = (row for row in data["parameters"] if row["parameter"] == "radius")
-    assert radius["file"] == pytest.approx(0.16276928, rel=1e-12) and radius["unit"] == "m"
+    assert radius["file"] == pytest.approx(162.76928, rel=1e-12) and radius["unit"] == "mm"
     assert data["fits"][0]["z rms (mm)"] == pytest.approx(0.0183497, abs=1e-7)
     assert data["bed"][0]["x rms (mm)"] == pytest.approx(0.172, abs=0.001)
     assert "Keep the file's parameters" in err

@@ -8,8 +8,8 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.show import Cell, Table, fixed
-from truepose_printers.assessment import DEGREE, MM, Assessment
+from truepose.show import Cell, Table, fixed, named
+from truepose_printers.assessment import MM, Assessment
 
 #: The sets of parameters, and the residuals of the readings with each in the answer.
 FITS = {
@@ -17,8 +17,6 @@ FITS = {
     "Klipper's criterion": "residual_klipper_mm",
     "estimate with tolerances": "residual_mm",
 }
-#: SI values of the answer's units, and their names.
-UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
 
 
 def tables(found: Assessment, narrow: bool = False) -> list[Table]:
@@ -55,11 +53,10 @@ def parameters(found: Assessment) -> Table:
     """Return every parameter: in the file, by Klipper's criterion, by the estimate with its σ."""
     rows = []
     for of in found.answer["parameters"]:
-        scale, unit = UNITS[of["unit"]]
-        name = Cell(f"{of['name']} ({of['unit']})", {"parameter": of["name"], "unit": unit})
+        name = named("parameter", of["name"], of["unit"])
         decimals = 3 if of["now"] is None else 4
-        values = [cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
-        sigma = [cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
+        values = [cell(of[key], decimals) for key in ("now", "klipper", "estimate")]
+        sigma = [cell(of[key]) for key in ("prior_sigma", "sigma")]
         rows.append([name, *values, *sigma, of["verdict"]])
     fit, title = "Klipper's", "Parameters, in the file's own terms"
     if found.other:
@@ -135,10 +132,10 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
 
 
-def cell(value: float | None, decimals: int = 3, scale: float = 1.0) -> Cell:
-    """Return a cell whose data is scaled; empty if there is no number."""
+def cell(value: float | None, decimals: int = 3) -> Cell:
+    """Return a cell, empty if there is no number."""
     value = math.nan if value is None else value
-    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", scale * value)
+    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", value)
 
 
 def _without_empty(table: Table) -> Table:
