@@ -1,4 +1,4 @@
-"""Tables of docs/path-accuracy.md: H4s on a circle and a square.
+"""Tables of docs/results.md, Paths: H4s on a circle and a square.
 
 path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, exactly known geometry
 path_accuracy.py iso [--robots 20] [--jobs 1]        # AT and RT at three speeds
