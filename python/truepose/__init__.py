@@ -1,21 +1,26 @@
 """Accurate parallel robots with redundant sensors."""
 
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
-from truepose import calibration, control, design, faults, logs, moved, simulation
-from truepose.calibration.bound import accuracy
-from truepose.calibration.calibrate import calibrate
-from truepose.calibration.online import OnlineCalibrator
-from truepose.control.controller import Controller
-from truepose.control.effects import Effects
-from truepose.design.poses import plan_poses
-from truepose.design.sensors import select_sensors
+from truepose import moved
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
-from truepose.faults.monitor import FaultMonitor
 from truepose.robot import Robot, list_robots, load
-from truepose.simulation.equilibrium import steady_state
-from truepose.simulation.simulate import simulate
-from truepose.studies.study import monte_carlo
+
+if TYPE_CHECKING:
+    from truepose import calibration, control, design, faults, logs, simulation
+    from truepose.calibration.bound import accuracy
+    from truepose.calibration.calibrate import calibrate
+    from truepose.calibration.online import OnlineCalibrator
+    from truepose.control.controller import Controller
+    from truepose.control.effects import Effects
+    from truepose.design.poses import plan_poses
+    from truepose.design.sensors import select_sensors
+    from truepose.faults.monitor import FaultMonitor
+    from truepose.simulation.equilibrium import steady_state
+    from truepose.simulation.simulate import simulate
+    from truepose.studies.study import monte_carlo
 
 moved.answer_imports()
 __version__ = version("truepose")
@@ -45,6 +50,38 @@ __all__ = [
     "simulation",
     "steady_state",
 ]
+
+#: Modules that are imported on first use, by the names that they provide.
+_LATER = {
+    "Controller": "truepose.control.controller",
+    "Effects": "truepose.control.effects",
+    "FaultMonitor": "truepose.faults.monitor",
+    "OnlineCalibrator": "truepose.calibration.online",
+    "accuracy": "truepose.calibration.bound",
+    "calibrate": "truepose.calibration.calibrate",
+    "calibration": "truepose.calibration",
+    "control": "truepose.control",
+    "design": "truepose.design",
+    "faults": "truepose.faults",
+    "logs": "truepose.logs",
+    "monte_carlo": "truepose.studies.study",
+    "plan_poses": "truepose.design.poses",
+    "select_sensors": "truepose.design.sensors",
+    "simulate": "truepose.simulation.simulate",
+    "simulation": "truepose.simulation",
+    "steady_state": "truepose.simulation.equilibrium",
+}
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        if name not in _LATER:
+            raise AttributeError(moved.absent(__name__, name))
+        module = import_module(_LATER[name])
+        value = module if _LATER[name] == f"{__name__}.{name}" else getattr(module, name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

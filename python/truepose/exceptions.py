@@ -9,7 +9,8 @@ _LONG = 80  # characters of a value that are shown
 
 
 def shortened(text: str, most: int = _LONG) -> str:
-    """Return a text cut to at most `most` characters."""
+    """Return a text in one line, cut to at most `most` characters."""
+    text = " ".join(text.split())
     return text if len(text) <= most else text[: most - 1] + "…"
 
 

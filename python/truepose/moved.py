@@ -1,10 +1,12 @@
 """Modules, commands and arguments of 0.5 that have another place since 0.6; gone with 0.7."""
 
+import difflib
 import functools
 import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import fields, replace
+from types import ModuleType
 from typing import Any, ParamSpec, TypeVar
 
 from truepose.exceptions import InputError
@@ -26,6 +28,8 @@ COMMANDS = {
     "view": "mujoco",
     "workbench": "workbench",
 }
+#: New name of each command that was renamed.
+RENAMED = {"robots": "list", "study": "monte-carlo"}
 #: Package of each function of a study that moved.
 STUDIES = {"life": "life"}
 #: New name of each module that moved.
@@ -53,6 +57,32 @@ MODULES = {
 }
 #: New name of each name of a module that moved.
 NAMES = {
+    "truepose": {
+        "Fit": "truepose.calibration.Calibration",
+        "Influence": "truepose.calibration.NuisanceParameter",
+        "Loads": "truepose.calibration.Payloads",
+        "Margins": "truepose.control.StabilityMargins",
+        "OnlineCalibration": "truepose.OnlineCalibrator",
+        "Watch": "truepose.FaultMonitor",
+        "fault_limits": "truepose.faults.detectability",
+        "margins": "truepose.control.stability_margins",
+        "place": "truepose.design.place_sensors",
+        "plan": "truepose.plan_poses",
+        "robots": "truepose.list_robots",
+        "settle": "truepose.steady_state",
+        "study": "truepose.monte_carlo",
+    },
+    "truepose.Robot": {
+        "extended": "extended_positions",
+        "finest": "at_highest_level",
+        "finest_level": "highest_level",
+        "leakage": "cross_sensitivity",
+        "linearise": "linearize",
+        "parasitic": "residual_motion",
+        "tension": "rod_forces",
+        "unquantised": "without_quantization",
+        "with_load": "with_payload",
+    },
     "truepose.control": {
         "AdaptiveCalibrator": "truepose.OnlineCalibrator(robot, follow=True)",
         "SafetyShell": "truepose_safety.SafetyShell",
@@ -70,6 +100,15 @@ def where(what: str, package: str) -> str:
         f"{what} is in the package truepose-{package}: in a checkout of truepose, pip install "
         f"packages/{package}"
     )
+
+
+def renamed(old: str, new: str) -> Callable[[], None]:
+    """Return a command that states its new name."""
+
+    def command() -> None:
+        raise InputError(f"truepose {old}: is called truepose {new}")
+
+    return command
 
 
 def answer(name: str, package: str) -> Callable[[], None]:
@@ -138,18 +177,39 @@ class _Moved:
 
 def _now(name: str, new: str) -> str:
     package = new.partition(".")[0].replace("_", "-")
-    return f"{name} is {new} now, in the package {package}"
+    there = f", in the package {package}" if package.startswith("truepose-") else ""
+    return f"{name} is {new} now{there}"
 
 
 def answer_imports() -> None:
-    """Let imports of modules and names that moved fail with their new name."""
+    """Let imports of modules that moved fail with their new name."""
     sys.meta_path.append(_Moved())
-    for module in NAMES:
-        vars(sys.modules[module])["__getattr__"] = functools.partial(_absent, module)
 
 
-def _absent(module: str, name: str) -> None:
-    """Raise the error of a name that a module does not have."""
-    if new := NAMES[module].get(name):
-        raise AttributeError(_now(f"{module}.{name}", new))
-    raise AttributeError(f"module {module!r} has no attribute {name!r}")
+def answers(module: str) -> Callable[[str], None]:
+    """Return a module's `__getattr__`."""
+
+    def refuse(name: str) -> None:
+        raise AttributeError(absent(module, name))
+
+    return refuse
+
+
+def absent(module: str, name: str) -> str:
+    """Return the message that a module has no such name, with the place that has it."""
+    if name not in NAMES[module] and name[:1] != "_":
+        package = sys.modules["truepose"]
+        parts = {part: getattr(package, part) for part in package.__all__}
+        for part, of in parts.items():
+            if isinstance(of, ModuleType) and name in dir(of):
+                return _now(f"{module}.{name}", f"truepose.{part}.{name}")
+    return no_attribute(module, name, dir(sys.modules[module]))
+
+
+def no_attribute(of: str, name: str, known: list[str]) -> str:
+    """Return the message that a module or class has no such attribute, with its new name."""
+    if new := NAMES.get(of, {}).get(name):
+        return _now(f"{of}.{name}", new)
+    near = difflib.get_close_matches(name, known, 1)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    return f"{of} has no attribute '{name}'{hint}"

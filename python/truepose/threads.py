@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 
 from truepose import _core
 
@@ -25,6 +24,8 @@ def each(
     Threads suffice because the core releases the interpreter's lock. The waiting thread receives
     signals; on Ctrl-C it stops the core's loops in the others and drops items not yet started.
     """
+    from concurrent.futures import ThreadPoolExecutor  # takes a tenth of numpy's import
+
     pool = ThreadPoolExecutor(cores())
     stopping = 0
     try:

@@ -238,7 +238,7 @@ def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run
 
     def position(out, how):
         (row,) = (row for row in json.loads(out)["accuracy"] if how in row.values())
-        return row["position, mm"]
+        return row["position (mm)"]
 
     _, before, _ = run("h4", log, *options, "-o", "mine.toml")
     status, both, _ = run("h4", log, *options, "--known-pose", "dowel.csv")

@@ -354,7 +354,7 @@ def test_a_checked_file_as_data_has_errors_and_the_verdict_last(run, h4_text):
         assert ("error" in {row["kind"] for row in data["check"]}) == (status == 2)
         if status == 0:
             rod = next(row for row in data["tolerances"] if row["tolerance"] == "chain*.rod")
-            assert rod["unit"] == "m" and rod["sigma"] == pytest.approx(0.013 / 12**0.5)
+            assert rod["unit"] == "mm" and rod["σ"] == pytest.approx(13 / 12**0.5)
 
 
 @pytest.mark.parametrize("command", ["accuracy", "error-budget", "plan", "faults", "design"])

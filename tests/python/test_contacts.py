@@ -265,4 +265,4 @@ def test_a_pin_touched_from_many_sides_finds_the_tip_of_the_tool(calibrate, tmp_
     found = {row["unknown"]: row for row in json.loads(out)["differences_own"]}
     for axis, true in zip("xyz", tip, strict=True):
         tool = found[f"tool.{axis}"]
-        assert abs(tool["value"] - true) < 4 * tool["σ"] < 5e-3
+        assert abs(1e-3 * tool["value"] - true) < 4e-3 * tool["σ"] < 5e-3

@@ -338,11 +338,11 @@ def test_what_stays_undetected_is_said_first(run, h4):
     """Outside figure: with θ alone at θ = 0, q1 off by 3° moves the platform, but not θ."""
     found = detectability(h4, [h4.home], [h4.home])
     q1, q2, q3, _ = undetected_motors(found, np.array([h4.home])).records()
-    assert q1["off (rad)"] == pytest.approx(np.radians(3)) and q2["moves (m)"] > 14e-3
+    assert q1["off (°)"] == pytest.approx(3) and q2["moves (mm)"] > 14
     off = h4.ikm(h4.home) - [np.radians(3), 0, 0, 0]
-    assert q1["moves (m)"] == np.linalg.norm((h4.fkm(off) - h4.home)[:3])
-    assert abs(q1["theta"]) < 1e-9 and q1["torque"] < q1["friction"]
-    assert q3["moves (m)"] < 1e-3 < q3["theta"]
+    assert q1["moves (mm)"] == 1e3 * np.linalg.norm((h4.fkm(off) - h4.home)[:3])
+    assert abs(q1["theta (°)"]) < 1e-7 and q1["torque (N·m)"] < q1["friction (N·m)"]
+    assert q3["moves (mm)"] < 1 and q3["theta (°)"] > 0.05
     said = " ".join(run("faults", "h4")[1].split()).split("Smallest")[0]
     assert "Undetected at the worst pose: q1 off by 3.00° moves the platform by" in said
     assert "friction" in said

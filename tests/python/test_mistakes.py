@@ -9,6 +9,7 @@ from fixtures import drawn_poses
 
 import truepose as tp
 from truepose.calibration import CalibrationOptions
+from truepose.robotfile import shipped
 
 H4 = tp.load("h4")
 X = [0.05, 0.05, -0.4, 0.2]
@@ -196,3 +197,164 @@ def test_a_list_of_sensors_and_a_table_of_poses_are_taken_as_they_are_meant():
     assert H4.with_sensors(["theta", "z_telemeter"]).sensors == ("theta", "z_telemeter")
     table = dict(zip(("theta", "z", "y", "x"), [[v] for v in X[::-1]], strict=True))
     np.testing.assert_array_equal(H4.ikm(table), [Q])
+
+
+def logged(text: str) -> dict[str, str]:
+    """Return a log as a file."""
+    return {"log.csv": text}
+
+
+HEAD = ",".join(H4.readings)
+ROWS = "\n".join(",".join(map(repr, row)) for row in some_readings().tolist())
+CALIBRATE = "calibrate h4 log.csv"
+#: Files, a command line, and what its answer must name.
+COMMANDS = {
+    "a log that is not there": ({}, CALIBRATE, "log.csv"),
+    "a folder as a log": ({"log.csv/a": ""}, CALIBRATE, "log.csv"),
+    "an empty log": (logged(""), CALIBRATE, "log.csv"),
+    "a log of a head alone": (logged(HEAD), CALIBRATE, "log.csv"),
+    "a log without a head": (logged(ROWS), CALIBRATE, "line 1"),
+    "capital columns": (logged(f"{HEAD.upper()}\n{ROWS}"), CALIBRATE, "q1"),
+    "columns of other names": (logged(f"{HEAD.replace('q', 'm')}\n{ROWS}"), CALIBRATE, "--columns"),
+    "a unit in the head": (logged(f"{HEAD.replace('q1', 'q1 (deg)')}\n{ROWS}"), CALIBRATE, "q1"),
+    "a log between spaces": (logged(f"{HEAD}\n{ROWS}".replace(",", "  ")), CALIBRATE, "commas"),
+    "decimal commas": (
+        logged(f"{HEAD}\n{ROWS}".replace(",", ";").replace(".", ",")),
+        CALIBRATE,
+        "decimals",
+    ),
+    "a word in a log": (logged(f"{HEAD}\n{ROWS}\na,b,c,d,e"), CALIBRATE, "line 32"),
+    "a short row": (logged(f"{HEAD}\n{ROWS}\n1,2"), CALIBRATE, "line 32"),
+    "a column twice": (logged(f"{HEAD},q1\n{ROWS}"), CALIBRATE, "line 2"),
+    "a log first": (logged(f"{HEAD}\n{ROWS}"), "calibrate log.csv h4", "log.csv"),
+    "a sensor's σ without unit": (
+        logged(f"{HEAD}\n{ROWS}"),
+        f"{CALIBRATE} --measured-sigma 0.02",
+        "0.02mm",
+    ),
+    "an unknown formula": (
+        logged(f"{HEAD}\n{ROWS}"),
+        [*CALIBRATE.split(), "--columns", "q1 = A * mm"],
+        "q1 = A",
+    ),
+    "an output that is a folder": (
+        logged(f"{HEAD}\n{ROWS}") | {"out.toml/a": ""},
+        f"{CALIBRATE} -o out.toml",
+        "out.toml",
+    ),
+    "an output that exists": (
+        logged(f"{HEAD}\n{ROWS}") | {"out.toml": ""},
+        f"{CALIBRATE} -o out.toml",
+        "--force",
+    ),
+    "a robot misspelt": ({}, "info h44", "'h4'"),
+    "a robot in capitals": ({}, "info H4", "'h4'"),
+    "a robot file that is not there": ({}, "check my.toml", "my.toml"),
+    "a robot of a CSV": (logged(f"{HEAD}\n{ROWS}"), "check log.csv", "log.csv"),
+    "no robot": ({}, "info", "ROBOT"),
+    "a command misspelt": ({}, "calibrat h4", "calibrate"),
+    "a renamed command": ({}, "robots", "truepose list"),
+    "a renamed study": ({}, "study rest h4", "monte-carlo"),
+    "an unknown format": ({}, "export urdf h4", "linuxcnc"),
+    "an unknown option": ({}, "accuracy h4 --sensor theta", "--sensors"),
+    "a sensor misspelt": ({}, "accuracy h4 --sensors tetha", "'theta'"),
+    "a target without a unit": ({}, "design h4 --target 0.1 --price *=1", "0.1mm"),
+    "a target of another unit": ({}, "design h4 --target 0.1deg --price *=1", "0.1deg"),
+    "a budget of words": ({}, "design h4 --budget cheap", "cheap"),
+    "a law in capitals": ({}, "simulate h4 --law TEJ", "'tej'"),
+    "a fault without a kind": ({}, "simulate h4 --fault theta", "READING:KIND"),
+    "an unknown fault": ({}, "simulate h4 --fault theta:frozen", "stuck"),
+    "a pose in mm": ({}, "simulate h4 --from 50,50,-400,0", "mm"),
+    "a pose of three numbers": ({}, "simulate h4 --from 0.05,0.05,-0.4", "theta"),
+    "an effect misspelt": ({}, "simulate h4 --effects frition", "'friction'"),
+    "a negative seed": ({}, "simulate h4 --seed -1", "-1"),
+    "an output format": ({}, "accuracy h4 --format xml", "json"),
+    "a picture's ending": ({}, "accuracy h4 --plot a.bmp", ".png"),
+    "poses without a column": ({"p.csv": "x,y,z\n0,0,-0.4"}, "accuracy h4 --poses p.csv", "theta"),
+    "poses in mm": (
+        {"p.csv": "x,y,z,theta\n50,0,-400,0"},
+        "accuracy h4 --poses p.csv",
+        "mm",
+    ),
+    "poses without a head": ({"p.csv": "0.05,0,-0.4,0"}, "accuracy h4 --poses p.csv", "p.csv"),
+    "no pose": ({}, "plan h4 --count 0", "--count"),
+    "an unknown study": ({}, "monte-carlo acuracy h4", "calibration"),
+    "a study's robot first": ({}, "monte-carlo h4 rest", "function"),
+    "robots without tolerances": (
+        {"r.toml": shipped()["five-bar"].read_text(encoding="utf-8").partition("[tolerances]")[0]},
+        "monte-carlo rest r.toml",
+        "tolerances",
+    ),
+    "a share without %": ({}, "design h4 --confidence 0.95 --price *=1", "0.95"),
+    "a price with a colon": ({}, "design h4 --price theta:90", "SENSOR=PRICE"),
+    "a payload of one number": ({}, "accuracy h4 --conditions payload=2", "LOW..HIGH"),
+    "a volume without units": ({}, "error-budget h4 --volume z=-450..-400", "units"),
+    "a word of 0.5": ({}, "simulate h4 --true drawn", "sampled"),
+    "a period in ms": ({}, "export c h4 --period 1", "ms"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_mistake_in_a_command_gets_one_line_that_names_the_thing(name, run, tmp_path):
+    made, words, thing = COMMANDS[name]
+    for path, text in made.items():
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    status, out, err = run(*(words.split() if isinstance(words, str) else words))
+    said = err.strip() or out.strip()  # check prints its problems
+    assert status == 2 and "\n" not in said and thing in said and "a bug in" not in said
+
+
+#: Changes of the H4's file, and what the answer must name.
+IN_FILES = {
+    "no closing quote": ('name = "h4"', 'name = "h4', "line 3"),
+    "no quotes": ('"schoenflies"', "schoenflies", "quotes"),
+    "a key misspelt": ("encoder_counts", "encoder_count", "'encoder_counts'"),
+    "a rod in mm": ("rod = 0.48", "rod = 480", "mm"),
+    "a decimal comma": ("rod = 0.48", "rod = 0,48", "point"),
+    "an unknown unit": ("rod = 0.48", 'rod = "48 cm"', "mm"),
+    "an unknown mobility": ('"schoenflies"', '"scara"', "'schoenflies'"),
+    "an unknown kind": ('kind = "platform_angle"', 'kind = "angle"', "platform_angle"),
+    "a key twice": ('name = "h4"', 'name = "h4"\nname = "h4"', "line 4"),
+}
+
+
+@pytest.mark.parametrize("name", IN_FILES)
+def test_a_mistake_in_a_robot_file_gets_one_line_that_names_the_thing(name, run, h4_text, tmp_path):
+    old, new, thing = IN_FILES[name]
+    assert old in h4_text
+    (tmp_path / "robot.toml").write_text(h4_text.replace(old, new, 1), encoding="utf-8")
+    status, _, err = run("info", "robot.toml")
+    assert status == 2 and err.count("\n") == 1 and thing in err and "robot.toml" in err
+
+
+#: Mistakes in Python that end in Python's own kinds of errors, and what these must name.
+OF_PYTHON = {
+    "a robot's parameters": (lambda: setattr(H4, "parameters", {}), "replace"),
+    "a robot's home": (lambda: setattr(H4, "home", [0, 0, 0, 0]), "with_"),
+    "a robot file's name": (lambda: setattr(H4.spec, "name", "x"), "with_file"),
+    "a list of names": (lambda: H4.replace(["chain1.rod"]), "chain1.rod"),
+    "a negative tolerance": (
+        lambda: H4.with_file(tolerances={"chain*.rod": {"sigma": -1.0}}),
+        "sigma = -1",
+    ),
+    "negative noise": (lambda: H4.with_each("sensor", lambda _: {"noise": -1.0}), "noise = -1"),
+    "a key of a file misspelt": (lambda: H4.with_file(tolerence={}), "'tolerances'"),
+    "a log and a robot": (lambda: tp.calibrate(some_readings(), H4), "robot"),
+    "a log of NaN": (lambda: tp.calibrate(H4, np.full((9, 5), np.nan)), "every motor"),
+    "tp.robots": (lambda: tp.robots, "list_robots"),
+    "tp.Watch": (lambda: tp.Watch, "FaultMonitor"),
+    "tp.Fault": (lambda: tp.Fault("theta", "stuck"), "truepose.faults.Fault"),
+    "robot.finest": (lambda: H4.finest, "at_highest_level"),
+    "robot.ikn": (lambda: H4.ikn(X), "'ikm'"),
+    "a law in capitals": (lambda: tp.Controller(law="TEJ"), "'tej'"),
+    "half a pose": (lambda: tp.plan_poses(H4, 5.5), "count = 5.5"),
+}
+
+
+@pytest.mark.parametrize("name", OF_PYTHON)
+def test_a_mistake_in_python_gets_one_line_that_names_the_thing(name):
+    mistake, thing = OF_PYTHON[name]
+    with pytest.raises((tp.TrueposeError, AttributeError)) as refused:
+        mistake()
+    assert "\n" not in str(refused.value) and thing in str(refused.value)

@@ -234,10 +234,10 @@ def test_a_path_names_all_poses_itself(h4):
         tp.simulate(h4, path=[h4.home, h4.home], run=Run(start=h4.home))
 
 
-def test_what_is_not_installed_is_named_with_its_extra(h4, monkeypatch):
+def test_what_is_not_installed_is_named_with_its_package(h4, monkeypatch):
     monkeypatch.setitem(sys.modules, "ruckig", None)
     path = Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 9, 99))
-    with refused(r"ruckig: pip install 'truepose\[paths\]'$", tp.TrueposeError):
+    with refused(r"ruckig: pip install ruckig$", tp.TrueposeError):
         tp.simulate(h4, path=path)
 
 

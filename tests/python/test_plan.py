@@ -334,8 +334,8 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ({"n": 0}, "n = 0: must be a whole number of at least 1"),
-        ({"n": 50, "candidates": 20}, "n = 50: only 20 candidates are reachable"),
+        ({"count": 0}, "count = 0: must be a whole number of at least 1"),
+        ({"count": 50, "candidates": 20}, "count = 50: only 20 candidates are reachable"),
         ({"target": 0.0}, "target = 0.0: must be a finite number greater than 0"),
         ({"target": 1e-6, "candidates": 20}, "all 20 candidates together reach"),
         ({"candidates": [[3.0, 0, 0, 0]]}, "none of 1 is reachable"),

@@ -7,6 +7,7 @@ import math
 import pickle
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -89,14 +90,14 @@ def test_values_are_shown_in_millimetres_degrees_or_as_they_are(value, unit, sho
     assert measured(value, unit) == shown
 
 
-def test_info_gives_programs_si(run, h4):
+def test_info_gives_programs_what_it_prints(run, h4):
     shown = run("info", "h4", "--samples", "50")[1]
     rows = json.loads(run("info", "h4", "--samples", "50", "--format", "json")[1])["info"]
     named = {row["figure"]: row for row in rows}
     assert set(named) <= set(re.sub(r" {2,}.*", "", shown).splitlines()) or len(named) > 10
-    assert named["workspace x"]["minimum"] == h4.spec.workspace.minimum[0]
-    assert named["motor 1"]["maximum"] == info.measure(h4, 50).q_max[0]
-    assert named["motor 1"]["unit"] == "rad" and named["degrees of freedom n"]["value"] == 4
+    assert named["workspace x"]["minimum"] == 1e3 * h4.spec.workspace.minimum[0]
+    assert named["motor 1"]["maximum"] == pytest.approx(np.degrees(info.measure(h4, 50).q_max[0]))
+    assert named["motor 1"]["unit"] == "°" and named["degrees of freedom n"]["value"] == 4
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp1252", "utf-8"])
@@ -151,7 +152,7 @@ def test_a_group_is_named_as_it_may_be_asked_for(h4):
         assert options.parse_set(h4, label(h4, names)) == names
 
 
-def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
+def test_a_calibration_gives_programs_what_it_prints(run, h4, table2, tmp_path):
     poses = np.random.default_rng(0).permutation(table2)[:80] + 1e-4
     rows = h4.sample(1).extended_positions(poses)
     readings = dict(zip(h4.readings, rows.T, strict=True))
@@ -163,8 +164,8 @@ def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     fit = tp.calibrate(h4, readings)
     for row in tables["parameters"]:
         known = fit.parameters[row["parameter"]]
-        assert (row["value"], row["σ"]) == (known.value, known.sigma)
-        assert row["unit"] in ("m", "rad", "")
+        factor = {"mm": 1e3, "°": 180 / np.pi, "": 1.0}[row["unit"]]
+        assert (row["value"], row["σ"]) == (factor * known.value, factor * known.sigma)
 
 
 def test_words_that_hold_a_number_are_one_for_programs():
@@ -202,3 +203,69 @@ def test_a_command_answers_first_on_one_screen_and_prints_the_rest_on_request(
     (left,) = [int(line.split()[0]) for line in screen if "more lines with --all" in line] or [0]
     shown = len(every) - left - sum(line.startswith("Wrote") for line in every)
     assert screen[: shown - 1] == every[: shown - 1]
+
+
+#: Every command of the core that prints tables, with its quick options.
+AS_DATA = [
+    "list",
+    "info h4 --samples 50",
+    "check robot.toml",
+    "accuracy h4 --sensors theta --calibrated",
+    "error-budget h4 --calibrated 20",
+    "design h4 --price theta=90 --price z_telemeter=400 --must theta --budget 600 --robots 0",
+    "design h4 --place wire1",
+    "plan h4 --count 3 --candidates 20",
+    "faults five-bar",
+    "faults h4",
+    "faults h4 log.csv",
+    "calibrate h4 log.csv",
+    "calibrate h4 tracked.csv",
+    "zero g1-ankle posture.csv",
+    "simulate five-bar",
+    "simulate-log h4 -o new.csv",
+    "simulate-log h4 -o log.csv --found calibrated.toml",
+    "monte-carlo rest five-bar --robots 2 --workers 0",
+    "margins five-bar",
+]
+
+
+@pytest.fixture(scope="module")
+def made(h4_text, tmp_path_factory):
+    """Return a folder with the files of the commands."""
+    folder = tmp_path_factory.mktemp("data")
+    (folder / "robot.toml").write_text(h4_text, encoding="utf-8")
+    ankle = tp.load("g1-ankle")
+    row = ",".join(map(repr, ankle.extended_positions(np.zeros(2)).tolist()))
+    (folder / "posture.csv").write_text(f"{','.join(ankle.readings)}\n{row}\n", encoding="utf-8")
+    for words in (
+        "simulate-log h4 -o log.csv",
+        "simulate-log h4 -o tracked.csv --tracker",
+        "calibrate h4 log.csv -o calibrated.toml",
+    ):
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as left:
+            patch.chdir(folder)
+            patch.setattr(sys, "argv", ["truepose", *words.split()])
+            cli.main()
+        assert left.value.code == 0
+    return folder
+
+
+@pytest.mark.parametrize("words", AS_DATA)
+def test_data_are_json_alone_in_the_printed_units(run, made, words):
+    for file in made.iterdir():
+        Path(file.name).write_bytes(file.read_bytes())
+    status, out, _ = run(*words.split(), "--format", "json")
+    tables = json.loads(out)
+    assert status == 0
+    for row in (row for table in tables.values() for row in table):
+        assert row.get("unit") not in ("m", "rad")
+        for name in row:
+            assert name and not re.search(r", (mm|°)|\((m|rad)\)", name), name
+
+
+def test_progress_without_a_terminal_is_a_line_at_intervals(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "QUIET", -1.0)
+    with terminal.progress("robots", 3) as update:
+        update(completed=1)
+        update(description="sets", advance=1)
+    assert capsys.readouterr().err == "robots: 1 of 3\nsets: 2 of 3\n"

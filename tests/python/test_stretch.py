@@ -243,12 +243,12 @@ def test_the_command_finds_the_compliance_of_a_log_with_loads(run, tmp_path, any
     assert status == 0 and "not used" not in err
     tables = json.loads(out)
     (row,) = (r for r in tables["parameters"] if r["parameter"] == "compliance.all_chains")
-    assert row["unit"] == "1/N" and row["value"] == pytest.approx(4e-7, abs=3 * row["σ"])
+    assert row["unit"] == "µm/m/N" and row["value"] == pytest.approx(0.4, abs=3 * row["σ"])
     assert row["verdict"] == "identified"
     rolled = next(r for r in tables["residuals"] if r["reading"] == "roll")
     assert rolled["held out"] < 2 * rolled["expected"]
     found = tp.load("found.toml")
-    assert found.parameters["compliance.all_chains"].sigma == pytest.approx(row["σ"])
+    assert found.parameters["compliance.all_chains"].sigma == pytest.approx(1e-6 * row["σ"])
     assert run("check", "found.toml")[0] == 0
     status, out, _ = run("info", "found.toml", "--samples", "100")
     assert status == 0 and "strain of its rods there" in out

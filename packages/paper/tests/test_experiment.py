@@ -5,6 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose_paper import article, experiment, sensor_sets, tables, with_paper_errors
+from truepose_paper.parts import Parts
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,7 @@ def test_progress_is_reported_once_a_robot(h4, truth, table2):
 
 
 def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
-    lines = sensor_sets.compare(sensor_sets.tolerances(h4), 2, 1, 2, lambda *_: None)
+    lines = sensor_sets.compare(sensor_sets.tolerances(h4), 2, 1, 2, lambda *_: None, Parts())
     assert len(lines) == 2 * len(sensor_sets.SETS)
     for line in lines:
         rms = line.rms
@@ -104,3 +105,23 @@ def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
     assert len({line.rms["joint"] for line in papers}) == 1
     assert papers[0].bound > papers[1].bound
     assert tables.sensing(lines).rows[0][0] == "file: θ"
+
+
+def test_parts_that_were_done_are_not_computed_again(tmp_path):
+    path, done = tmp_path / "new" / "parts.jsonl", []
+
+    def compute(parts, keys):
+        return [
+            parts(key, lambda key=key: done.append(key) or {"rms": 0.1 * len(key)}) for key in keys
+        ]
+
+    assert compute(Parts(path, seed=0), ["a", "bb"]) == [{"rms": 0.1}, {"rms": 0.2}]
+    path.write_text(
+        path.read_text(encoding="utf-8") + '["c', encoding="utf-8"
+    )  # a line that was cut
+    again = Parts(path, seed=0)
+    assert compute(again, ["a", "bb", "c"])[2] == {"rms": 0.1} and done == ["a", "bb", "c"]
+    assert compute(Parts(path, seed=0), ["a", "c"]) and done == ["a", "bb", "c"]
+    assert compute(Parts(path, seed=1), ["a"]) and done == ["a", "bb", "c", "a"]
+    again.clear()
+    assert not path.exists()

@@ -20,7 +20,7 @@ function printerResult(of, name) {
     list(of.words.filter((each) => each !== of.verdict)),
     outlier ? h("p", { className: "bad" }, `Outlier: ${outlier.name}.`) : "",
     list(of.notes),
-    h("h3", {}, "Parameters"), table(["parameter", "now", "estimate", "σ", "verdict", "Klipper's"], of.parameters.map((each) =>
+    h("h3", {}, "Parameters"), table(["parameter", "now", "estimate", "σ", "verdict", of.kind === "klipper" ? "Klipper's" : "fit"], of.parameters.map((each) =>
       [`${each.name} (${each.unit})`, each.now, each.estimate, each.sigma, each.verdict, each.klipper])),
     h("h3", {}, "Height of the nozzle over the bed"), bedMaps(of.bed),
     h("h3", {}, "Readings left over"), ...residualsOf(of),
@@ -32,12 +32,13 @@ function printerResult(of, name) {
 
 // What to paste or send; open where the decision recommends it.
 function linesOf(of, name) {
-  const recommended = of.verdict.startsWith("Use"), text = of.lines.join("\n");
+  const recommended = /[Uu]se the estimate:?/.test(of.verdict) && of.rely, text = of.lines.join("\n");
   const title = of.kind === "klipper" ? "Lines for printer.cfg" : "Lines to send";
   const copy = button("Copy", () => navigator.clipboard.writeText(text).then(
     () => { copy.textContent = "Copied"; }, () => { copy.textContent = "Not allowed: select and copy"; }));
+  const after = "After new parameters measure the Z offset and the mesh of the bed again.";
   const shown = details(recommended ? title : `${title}: not recommended, see the decision above`, h("pre", {}, text), copy, " ",
-    of.config ? download(name.replace(/(\.\w+)?$/, "-new.cfg"), of.config, "Save the new printer.cfg") : "");
+    of.config ? download(name.replace(/(\.\w+)?$/, "-new.cfg"), of.config, "Save the new printer.cfg") : "", h("p", {}, after));
   shown.open = recommended;
   return shown;
 }
@@ -49,11 +50,12 @@ function planOf({ plan }) {
     [String(k), reading || "as it is", place(from), place(to), Math.hypot(x, y), z]));
 }
 
-function residualsOf({ rms_mm: { now, klipper, estimate }, held_out_mm: ways, readings }) {
+function residualsOf({ kind, rms_mm: { now, klipper, estimate }, held_out_mm: ways, readings }) {
+  const own = kind === "klipper";
   return [
-    table(["fit to all readings", "rms (mm)"], [["the file's parameters", now], ["Klipper's criterion", klipper], ["estimate with tolerances", estimate]]),
+    table(["fit to all readings", "rms (mm)"], [["parameters now", now], [own ? "Klipper's criterion" : "fit without tolerances", klipper], ["estimate with tolerances", estimate]]),
     table(["each reading left out in turn", "heights, rms (mm)", "distances, rms (mm)"], Object.entries(ways).map(([way, of]) => [way, of.heights, of.distances])),
-    details(`All ${readings.length} readings`, table(["reading", "now (mm)", "Klipper's (mm)", "estimate (mm)", ""], readings.map((of) =>
+    details(`All ${readings.length} readings`, table(["reading", "now (mm)", own ? "Klipper's (mm)" : "fit (mm)", "estimate (mm)", ""], readings.map((of) =>
       [of.name, of.residual_now_mm, of.residual_klipper_mm, of.residual_mm, of.outlier ? "outlier" : ""])))];
 }
 

@@ -26,7 +26,7 @@ def main() -> None:
         seen.goto((ROOT / "build/page/truepose.html").as_uri())
         seen.evaluate("truepose.ready")
         seen.get_by_role("button", name="Simulate a log and calibrate").click()
-        seen.set_input_files("#file", ROOT / "packages/printers/tests/data/phnxdrgn536.cfg")
+        seen.set_input_files("#file", ROOT / "packages/printers/tests/data/danorder-v400.cfg")
         for name, place in (("robot", "section:has(#robot)"), ("printer", "#results > article")):
             shot = Image.open(io.BytesIO(seen.locator(place).screenshot()))
             shot.convert("RGB").quantize(256).save(

@@ -1,4 +1,4 @@
-"""Printers with Marlin or RepRapFirmware: their sessions, read in order.
+"""Printers with other firmwares than Klipper: their sessions, read in order.
 
 Lines that level them: tests/cpp/test_printers.cpp.
 """
@@ -148,14 +148,15 @@ def test_a_large_b_of_marlin_is_the_radius_of_g33_and_no_trim_of_a_rod():
         ("M665 I0.2 J0.0 K0.0", "M665 I"),
         ("M665 A70", "M665 A"),
         ("M666 A0.1", "M666 A"),
-        ("M666 R160 D345", "M666 D"),
+        ("M666 R160 D345", "M666 R"),
         ("M206 X1.5", "M206 X"),
         ("M290 Z0.2", "M290 Z"),
     ],
 )
 def test_a_setting_that_is_not_read_is_refused_by_name(line, word):
     assert word in refused(m503(BEFORE) + line + "\n" + g30(BEFORE))
-    assert word not in str(assess(m503(BEFORE) + f"{word}0\n" + g30(BEFORE)).answer)
+    if word != "M666 R":  # another firmware's, whatever its value
+        assert word not in str(assess(m503(BEFORE) + f"{word}0\n" + g30(BEFORE)).answer)
 
 
 @pytest.mark.parametrize("line", ["M206 X0 Y0 Z-0.4", "M92 X100 Y100 Z100 E96", "M665 S200 D0"])
@@ -181,6 +182,150 @@ def test_the_probe_stands_beside_the_nozzle():
     bed = "".join(f"Bed X:{x:.3f} Y:{y:.3f} Z:{z:.4f}\n" for (x, y), z in heights)
     text = m503(BEFORE) + "echo:  M851 X20.00 Y-10.00 Z-1.20\n" + bed
     np.testing.assert_allclose(estimated(text), estimated(m503(BEFORE) + g30(BEFORE)), atol=0.02)
+
+
+def smoothieware(settings, probing="G29.1"):
+    """M503 of Smoothieware, with the heights of its strategies."""
+    radius, *endstops = settings
+    height = min(endstops)
+    trims = " ".join(f"{axis}{height - e:.3f}" for axis, e in zip("XYZ", endstops, strict=True))
+    text = f"M665 L345.000 R{radius:.4f}\n;Trim (mm):\nM666 {trims}\n;Max Z\nM665 Z{height:.3f}\n"
+    forms = {
+        "G29.1": "X{x:.4f} Y{y:.4f} Z{z:.4f}\n",
+        "G29": "X:{x:.4f} Y:{y:.4f} Z:{down:.4f} A:1.0000 B:1.0000 C:1.0000\n",
+        "G29.2": "PROBE: X{x:.4f}, Y{y:.4f}, Z{z:.4f}\n",
+    }
+    points = probed(settings)
+    return f"{text}{probing}\n" + "".join(
+        forms[probing].format(x=x, y=y, z=z, down=5 - z) for x, y, z in points
+    )
+
+
+def smoothieware_config(settings):
+    """Smoothieware's configuration, with the heights of G29.1."""
+    radius, *endstops = settings
+    height = min(endstops)
+    text = f"arm_length 345.0 # rod\n#arm_radius 99\narm_radius {radius}\ngamma_max {height}\n"
+    for name, end in zip(("alpha", "beta", "gamma"), endstops, strict=True):
+        text += f"{name}_trim {height - end:.3f} # mm\n"
+    return text + smoothieware(settings).split("G29.1\n")[1]
+
+
+def repetier(settings, change=""):
+    """M205 of Repetier, with the heights of G29."""
+    radius, *endstops = settings
+    height = min(endstops)
+    text = f"Recv: EPR:3 11 80.0000 Steps per mm\nEPR:3 153 {height:.3f} Z max length [mm]\n"
+    text += f"EPR:3 881 345.000 Diagonal rod length [mm]\nEPR:3 885 {radius} Rod radius\n"
+    for k, (end, turn) in enumerate(zip(endstops, (210, 330, 90), strict=True)):
+        text += f"EPR:1 {893 + 2 * k} {80 * (end - height):.0f} Tower endstop offset [steps]\n"
+        text += f"EPR:3 {901 + 4 * k} {turn}.000 Alpha\n"
+    return f"{text}{change}" + "".join(
+        f"Recv: Z-probe:{5 - z:.3f} X:{x:.2f} Y:{y:.2f}\n" for x, y, z in probed(settings)
+    )
+
+
+def height_map(settings, tilt=(0, 0), version=2):
+    """M665, M666 and heightmap.csv of RepRapFirmware."""
+    at = np.arange(-80, 81, 40)
+    grid = [(x, y) for y in at for x in at]
+    z = probed(settings, grid)[:, 2].reshape(5, 5)
+    names, values = {
+        1: ("xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum", "-80,80,-80,80,95,40,5,5"),
+        2: ("xmin,xmax,ymin,ymax,radius,xspacing,yspacing,xnum,ynum", "-80,80,-80,80,95,40,40,5,5"),
+        3: (
+            "axis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1",
+            "X,Y,-80.00,80.00,-80.00,80.00,95.00,40.00,40.00,5,5",
+        ),
+    }[version]
+    rows = "".join(
+        ", ".join(f"{z[j, i]:.3f}" if np.hypot(x, y) < 95 else "0" for i, x in enumerate(at)) + "\n"
+        for j, y in enumerate(at)
+    )
+    text = rrf(settings, tilt).split("G30")[0]
+    return f"{text}RepRapFirmware height map file v2 generated at 2026\n{names}\n{values}\n{rows}"
+
+
+DIALECTS = {
+    "Smoothieware G29.1": smoothieware(BEFORE),
+    "Smoothieware G29": smoothieware(BEFORE, "G29"),
+    "Smoothieware PROBE": smoothieware(BEFORE, "G29.2"),
+    "Smoothieware config": smoothieware_config(BEFORE),
+    "Smoothieware calibrates": smoothieware(AFTER).split("G29.1")[0]
+    + "Calibrating Endstops: target 0.03mm\nset trim to X:0 Y:-0.4 Z:-0.3\nM665 Z418\n"
+    + "Calibrating delta radius: target 0.03\nSetting delta radius to: 160\nG29.1"
+    + smoothieware(BEFORE).split("G29.1")[1],
+    "Repetier": repetier(BEFORE),
+    "Repetier M206": repetier(BEFORE).replace("EPR:3 885 160", "Send: M206 T3 P885 X160 ;"),
+    "Repetier later": repetier(BEFORE, "Recv: FIRMWARE_NAME:Repetier_0.92.9 FIRMWARE_URL\n"),
+    "RepRapFirmware map 1": height_map(BEFORE, version=1),
+    "RepRapFirmware map 2": height_map(BEFORE),
+    "RepRapFirmware map 3": height_map(BEFORE, version=3),
+    "RepRapFirmware typed": rrf(BEFORE).replace("G30 P", "g30 p").replace("M66", "m66"),
+    "Marlin old": m503(BEFORE) + g30(BEFORE).replace("Bed X", "Bed Position X"),
+    "Marlin": "FIRMWARE_NAME:Marlin 2.1.2.1 (Jan)\n" + m503(BEFORE) + g30(BEFORE),
+}
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_every_dialect_has_the_same_printer(name):
+    """But for a common shift of the endstops where heights have no origin."""
+    found = assess(DIALECTS[name])
+    p = 1e3 * found.p
+    firmware = name.split()[0]
+    assert found.answer["firmware"] == firmware
+    shift = firmware in ("Smoothieware", "Repetier")
+    ends, true = (each - shift * each[0] for each in (p[-3:], np.array(TRUE[1:])))
+    np.testing.assert_allclose([p[0], *ends], [TRUE[0], *true], atol=0.1)
+    assert "Klipper" not in str(found.answer)
+    lines = "\n".join(found.answer["lines"])
+    assert lines.startswith("M206 T3 P881 X345" if firmware == "Repetier" else "M665 L345")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("FIRMWARE_NAME:Klipper\n" + m503(BEFORE) + g30(BEFORE), "give printer.cfg or klippy.log"),
+        (
+            "FIRMWARE_NAME:Druid 3\n" + m503(BEFORE) + g30(BEFORE),
+            "NAME:Druid 3: the meaning",
+        ),
+        ("MK4duo 4.3\n" + m503(BEFORE) + g30(BEFORE), "MK4duo"),
+        (
+            repetier(BEFORE, "EPR:3 913 0.5 Delta Radius A(0):\n"),
+            "EPR 913 0.5 is not read: Rep",
+        ),
+        (repetier(BEFORE).replace("\nRecv: Z-p", " zCorr:0.1\nRecv: Z-p"), "EPR zCorr 0.1"),
+        (repetier(BEFORE, "Send: G100\n"), "G100 changed EPR"),
+        (
+            repetier(BEFORE).replace("EPR:3 885", "EPR:3 887"),
+            "EPR has no 885, the radius: for Rep",
+        ),
+        (
+            smoothieware(BEFORE).replace("M665 Z", "M665 S"),
+            "has no Z, the homed height: for Smo",
+        ),
+        (smoothieware(BEFORE).replace("R160", "A0.3 R160"), "M665 A0.3 is not read: Smoothieware"),
+        (smoothieware(BEFORE).split("G29.1")[0], "no probed heights: for Smoothieware give M503"),
+        (smoothieware(BEFORE).replace("Z418", "Z418 H418"), "M665 H418 is not read: Smoothieware"),
+        (
+            "G30" + rrf(BEFORE).split("G30", 1)[1],
+            "M665 has no L, the length of the rods: for RepRap",
+        ),
+        (g30(BEFORE), "M665 has no L, the length of the rods: for Marlin give M503"),
+        (
+            m503(BEFORE).replace(" H418.00", " I0 J0 K0") + g30(BEFORE),
+            "Marlin before 1.1.3 has none",
+        ),
+        (rrf(BEFORE).split("G30")[0] + "M558 P9\n", "no probed heights: for RepRapFirmware give"),
+        (rrf(BEFORE).split("G30")[0], "at 13 points or more; for RepRapFirmware give"),
+        (rrf(BEFORE).split("G30")[0] + "G30 P0\n", "no probed heights: for RepRapFirmware give"),
+    ],
+)
+def test_a_refusal_names_the_dialect_and_what_is_missing(text, said):
+    line = refused(text)
+    assert said in line
+    assert "delta_calibrate" not in line and "SAVE_CONFIG" not in line
 
 
 DONE = "Iteration : 01                 std dev:0.404\n"
@@ -261,6 +406,11 @@ UNKNOWN = {
 @pytest.mark.parametrize("by", UNKNOWN)
 def test_heights_whose_settings_or_places_are_unknown_are_refused(by):
     assert by in refused(UNKNOWN[by], probe_radius=100.0)
+
+
+def test_missing_endstops_are_said():
+    text = "\n".join(line for line in rrf(TRUE).splitlines() if "M666" not in line)
+    assert assess(text).answer["notes"] == ["M666 X is not in the text: endstops are taken as 0"]
 
 
 def test_the_settings_at_the_end_are_judged():

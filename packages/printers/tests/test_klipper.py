@@ -86,9 +86,8 @@ def test_what_is_written_is_called_an_estimate_and_no_reading_counts_twice(name)
     np.testing.assert_allclose(again.values, first.p, atol=1e-8)
     np.testing.assert_allclose(again.p, first.p, atol=1e-6)
     words = again.answer["words"]
-    assert words[0].startswith("The file's parameters are truepose's estimate, not what Klipper's")
-    assert words[-1].startswith("Keep the file's parameters")
-    assert "do not tell apart" not in words[-1]
+    assert words[1].startswith("The file's parameters are truepose's estimate, not what Klipper's")
+    assert words[0].startswith("Keep the file's parameters: they are the estimate")
 
 
 @pytest.mark.parametrize("name", LEFT)
@@ -104,14 +103,14 @@ def test_klippers_criterion_finds_what_klipper_found(name):
 
 
 def test_parameters_that_do_not_fit_the_readings_are_named_so():
-    assert "do not fit the file's readings (z 0.13 mm rms" in words_of(read("danorder-v400"))[0]
+    assert "do not fit the file's readings (z 0.13 mm rms" in words_of(read("danorder-v400"))[1]
     for name in LEFT:
-        assert "are what Klipper's criterion gives" in words_of(read(name))[0]
+        assert "are what Klipper's criterion gives" in words_of(read(name))[1]
 
 
 def test_parameters_that_leave_as_much_as_klippers_fit():
     text = assess(read("danorder-v400"), sigma=[0, 0, 0, 0, 0.01]).answer["config"]
-    assert words_of(text, arm=0.347)[0] == (
+    assert words_of(text, arm=0.347)[1] == (
         "The file's parameters fit the file's readings as those of Klipper's criterion do "
         "(z 0.015 mm rms), angle_b off by 0.02°"
     )
@@ -133,19 +132,43 @@ def test_twelve_nearly_equal_distances_do_not_support_nine_parameters():
 
 
 def test_words_say_whether_to_use_it():
-    """Of one printer's readings: as they are, with wrong arms as drawn, with absurd ones in use."""
+    """Of one printer's readings: as they are, with another radius, with absurd arms in use."""
     text = read("phnxdrgn536")
-    assert words_of(text)[-1].startswith("Use the estimate: expected")
-    kept = words_of(text, arm=0.34)[-1]
-    assert kept.startswith("Keep the file's parameters, and look whether the arms as drawn are 340")
+    assert words_of(text)[0].startswith("Keep the file's parameters: they fit the readings")
+    other = text.replace("delta_radius = 162.769280", "delta_radius = 164.769280")
+    assert words_of(other)[0].startswith("Use the estimate: expected")
+    assert words_of(other, arm=0.34)[0].startswith("Check whether the arms as drawn are 340 mm")
     found = assess(re.sub(r"(\*# arm_length) = .*", r"\1 = 163", text), arm=0.345)
     words = found.answer["words"]
     assert (
-        words[0] == "The file's parameters cannot bring the nozzle to where its readings were taken"
+        words[1] == "The file's parameters cannot bring the nozzle to where its readings were taken"
     )
-    assert words[-1].endswith("with the file's parameters the nozzle does not reach the bed")
+    assert words[0].endswith("with the file's parameters the nozzle does not reach the bed")
     assert found.answer["bed"]["now"]["rms_mm"] == [None, None, None]
-    assert words_of(read("fzechert"))[-1].startswith("Keep the file's")
+    assert words_of(read("fzechert"))[0].startswith("Keep the file's")
+
+
+def test_a_value_of_the_main_section_that_overrides_the_calibration_is_the_diagnosis():
+    text = read("fzechert")
+    for tower in "abc":
+        text = text.replace(
+            f"[stepper_{tower}]\n", f"[stepper_{tower}]\nposition_endstop: 419\n", 1
+        )
+    said = words_of(text)[0]
+    assert said.startswith(
+        "The main section overrides what SAVE_CONFIG wrote: [stepper_a] position"
+    )
+    assert "= 419 (saved: 419.361417)" in said and "even to 0.0068 mm rms, now to 0.34" in said
+    near = re.sub(r"position_endstop: 419", "position_endstop: 419.361", text, count=1)
+    assert "overrides" in words_of(near)[0]
+    same = read("fzechert").replace("[stepper_a]\n", "[stepper_a]\nposition_endstop: 419.36\n", 1)
+    assert words_of(same)[0].startswith("Keep the file's parameters")
+
+
+def test_angles_of_the_drawing_mean_that_only_the_endstops_were_calibrated():
+    said = words_of(read("danorder-v400"))[0]
+    assert said.startswith("Only the endstops are calibrated: the towers' angles are the")
+    assert "Run DELTA_CALIBRATE" in said and "now to 0.13" in said
 
 
 @pytest.mark.parametrize("name", ["fzechert", "cupsster"])
@@ -196,7 +219,7 @@ def test_values_of_several_lines_and_other_saved_options_stay():
     assert f"\n#delta_radius:\n#  {radius[1]}\n#  # mine\n" in new
     assert "gcode:\n  G28\n\n  G1 X0\n" in new
     assert "\n#*# other = 1\n#*# two = a\n#*# \tb\n" in new
-    assert assess(new).answer["words"][0].startswith("The file's parameters are truepose's")
+    assert assess(new).answer["words"][1].startswith("The file's parameters are truepose's")
 
 
 def test_shipped_readings_name_their_source():
@@ -231,6 +254,6 @@ def test_the_noise_of_many_readings_is_found():
 def test_seven_heights_are_too_few_to_judge_a_printer(seed):
     printer, truth = made_printer(seed=seed)
     words = words_of(text_of(printer, truth.readings.heights_only()))
-    assert words[-2].startswith("Too few readings to judge this calibration: an error of one")
-    assert re.search(r"To show one of 0\.3 mm, add \d+ heights, spread evenly", words[-2])
-    assert not words[-1].startswith("Do not rely")
+    assert words[2].startswith("Too few readings to judge this calibration: an error of one")
+    assert re.search(r"To show one of 0\.3 mm, add \d+ heights, spread evenly", words[2])
+    assert not words[0].startswith("Do not rely")

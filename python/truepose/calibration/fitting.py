@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array, sigmas_of
+from truepose.arguments import Array, finite_rows, sigmas_of
 from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.expectation import contradicting
 from truepose.calibration.fit import Calibration, LogRows
@@ -237,6 +237,8 @@ def _lines(problem: Problem) -> _Lines:
     poses = known_poses(robot, problem.known_pose)
     if len(rows) + len(poses.x) == 0:
         raise InputError("readings: none; give a log of readings, known_pose, or both")
+    if len(rows) and not finite_rows(rows[:, : robot.m]).any():
+        raise InputError(f"readings: no {log.word} has a number for every motor")
     tracked = log.measured is not None and len(rows) > 0
     outside, sigma = measured_outside(
         robot,

@@ -10,7 +10,7 @@ from truepose.arguments import Array
 from truepose.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
-from truepose.show import Cell, Table, fixed, named
+from truepose.show import Table, fixed, named
 
 #: Largest posterior over prior σ of an identified, and of a barely identified parameter.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -128,9 +128,9 @@ def table(
     for name, p in found.items():
         factor, unit = units[name]
         cells = [
-            Cell(f"{factor * p.value:.4f}", p.value),
-            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
-            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(factor * p.value, 4),
+            fixed(factor * (p.value - p.prior), 4, "+"),
+            *(fixed(factor * v, 4) for v in (p.prior_sigma, p.sigma)),
             fixed(p.ratio),
         ]
         rows.append([named(what, name, unit), *cells, p.verdict])

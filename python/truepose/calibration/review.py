@@ -145,7 +145,7 @@ def residuals(result: Assessment) -> Table:
         values = [_rms(column[good, k]) for column in every]
         if values[0] is None and values[1] is None:
             continue
-        cells = [number(None if v is None else factor * v, data=v) for v in values]
+        cells = [number(None if v is None else factor * v) for v in values]
         rows.append([named("reading", name, unit), *cells])
     header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
@@ -173,11 +173,10 @@ def predicted(result: Assessment) -> Table:
         sigma = np.sqrt([mean[total.columns].sum(), *mean])
         cells = [number(axis.factor * float(of)) for axis, of in zip(axes, sigma, strict=True)]
         rows.append([f"{how}, {when}", *cells])
-    header = [f"{axis.name}, {axis.unit}".replace("theta", "θ") for axis in axes]
     count = len(result.accuracy["after", "absolute"])
     title = f"Predicted error of the pose, rms over {count} poses {result.where}"
     title += f"; calibrated on {int(counted(result).sum())} poses"
-    return Table("accuracy", title, ["1σ bound", *header], rows)
+    return Table("accuracy", title, ["1σ bound", *(axis.label for axis in axes)], rows)
 
 
 def registration_table(fit: Calibration) -> Table | None:
@@ -187,8 +186,8 @@ def registration_table(fit: Calibration) -> Table | None:
     rows = []
     for known in every:
         factor, unit = PRINT[known.unit]
-        cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
-        rows.append([f"{known.name} ({unit})", *cells])
+        cells = [fixed(factor * v, 4) for v in (known.value, known.sigma)]
+        rows.append([named("found", known.name, unit), *cells])
     title = "Registration: the base in the tracker's frame, the marker on the platform"
     return Table("registration", title, ["found", "value", "σ"], rows)
 
@@ -203,7 +202,14 @@ def differences_table(fit: Calibration) -> Table | None:
         size = fixed(of.left_out / of.left_out_sigma)
         verdict = "wrong?" if of.doubtful else "outlier" if of.weight < 0.1 else ""
         rows.append([of.name, *cells, size, verdict])
-    header = ["measured less expected", "by all (mm)", "by all others (mm)", "σ (mm)", "over σ", ""]
+    header = [
+        "measured less expected",
+        "by all (mm)",
+        "by all others (mm)",
+        "σ (mm)",
+        "over σ",
+        "verdict",
+    ]
     return Table("differences", "Differences between poses", header, rows)
 
 

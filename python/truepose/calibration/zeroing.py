@@ -62,7 +62,7 @@ class Zeroing(Shown):
         rows = []
         for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
             name = named("motor", axis.name, axis.unit)
-            rows.append([name, *(number(axis.factor * size, data=size) for size in motor[:5])])
+            rows.append([name, *(number(axis.factor * size) for size in motor[:5])])
         header = ["motor", "reads", "nominal", "off", "σ before", "σ"]
         return Table("motors", "Motors where the robot stands", header, rows)
 

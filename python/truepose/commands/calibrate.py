@@ -262,8 +262,8 @@ def known(found: Zeroing) -> Table:
         both = [np.sqrt(np.diagonal(P, 0, 1, 2).mean(axis=0)) for P in found.accuracy(x)]
         for k, (name, unit) in enumerate(robot.coordinates):
             factor, shown = PRINT[unit]
-            what = {"coordinate": name, "where": place, "unit": unit}
-            cells = [number(factor * sigma[k], data=float(sigma[k])) for sigma in both]
+            what = {"coordinate": name, "where": place, "unit": shown}
+            cells = [number(factor * sigma[k]) for sigma in both]
             rows.append([Cell(f"{name} ({shown}) {place}", what), *cells])
     return Table("accuracy", "Accuracy before and after", ["σ of", "before", "zeroed"], rows)
 

@@ -77,6 +77,8 @@ for _group, _commands in _GROUPS.items():
         app.command(_name, rich_help_panel=_group)(with_options(_command))
 app.add_typer(export.app, name="export", rich_help_panel="Robots")
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+for _name, _new in moved.RENAMED.items():
+    app.command(_name, hidden=True, context_settings=_ANYTHING)(moved.renamed(_name, _new))
 _registered = plugins("commands")  # of packages and integrations
 for _path in sorted(_registered.keys() | moved.COMMANDS):
     _under, _, _name = _path.rpartition(".")
@@ -137,6 +139,21 @@ def main() -> None:
     sys.exit(code)
 
 
+def _said(error: TyperException) -> str:
+    """Return the message about a command line, with the wrong value and the choices."""
+    said = error.format_message().replace("Value error, ", "")  # pydantic's prefix
+    context: Any = getattr(error, "ctx", None)
+    if errors := getattr(error.__cause__, "errors", None):
+        value = str(errors()[0]["input"])
+        said += f" ('{value}' was given)" * (value not in said)
+    if context and said.startswith("No such command") and "Did you mean" not in said:
+        known = context.command.commands.items()
+        said += f" (choices: {', '.join(name for name, one in known if not one.hidden)})"
+    elif context and said.startswith(("Missing", "Got unexpected")):
+        said += f" ({context.command_path} --help)"
+    return said or "no command given; try --help"
+
+
 def _run() -> tuple[int, str]:
     """Return the exit status and the last message of a command."""
     try:
@@ -146,8 +163,7 @@ def _run() -> tuple[int, str]:
     except TrueposeError as error:
         return 2, f"error: {error}"
     except TyperException as error:
-        said = error.format_message().replace("Value error, ", "")  # pydantic's prefix
-        return 2, f"error: {said or 'no command given; try --help'}"
+        return 2, f"error: {_said(error)}"
     except KeyboardInterrupt:
         return 130, "interrupted"
     except BrokenPipeError:  # the reader ended, as in `truepose info h4 | head -1`

@@ -44,7 +44,7 @@ def draw(figure: Any, robot: Robot) -> None:
 
 
 def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
-    """Return name and value of each figure: mm and degrees in the text, SI in the data."""
+    """Return name and value of each figure."""
     spec, box = robot.spec, workspace(robot)
     spare = [sensor.name for sensor in spec.sensor if sensor.name not in robot.sensors]
     actuators = Counter(spec.actuators)
@@ -87,19 +87,21 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     if figures.full_less_ideal is not None:
         apart = zip(robot.coordinates, figures.full_less_ideal.tolist(), strict=True)
         for (name, unit), v in apart:
-            cell = Cell(printed(v, unit), {"value": v, "unit": unit})
+            factor, shown = PRINT[unit]
+            cell = Cell(printed(v, unit), {"value": factor * v, "unit": shown})
             result.append((f"full − ideal of {name}, rms under the axes' tolerances", cell))
     return result
 
 
 def _each_chain(values: Array, unit: str, factor: float = 1.0) -> Cell:
     text = f"{', '.join(f'{factor * v + 0.0:.3g}' for v in values)} {unit}"
-    return Cell(text, {f"chain {k}": float(v) for k, v in enumerate(values, 1)})
+    data = {f"chain {k} ({unit})": factor * float(v) for k, v in enumerate(values, 1)}
+    return Cell(text, data)
 
 
 def _range(low: float, high: float, unit: str) -> Cell:
-    factor, form = PRINT[unit][0], ".1f" if unit == "m" else ".2f"
-    data = {"minimum": float(low), "maximum": float(high), "unit": unit}
+    (factor, shown), form = PRINT[unit], ".1f" if unit == "m" else ".2f"
+    data = {"minimum": factor * float(low), "maximum": factor * float(high), "unit": shown}
     return Cell(f"{factor * low:{form}} to {printed(high, unit, form)}", data)
 
 
@@ -108,5 +110,5 @@ def _speed(robot: Robot, speed: Speed) -> Cell:
     pose = list(zip(robot.coordinates, speed.pose.tolist(), strict=True))
     where = ", ".join(f"{name} = {printed(v, u, '.0f')}" for (name, u), v in pose)
     data = {"value": speed.value, "unit": unit, "motor": speed.motor}
-    data |= {f"{name} ({u})": v for (name, u), v in pose}
+    data |= {f"{name} ({PRINT[u][1]})": PRINT[u][0] * v for (name, u), v in pose}
     return Cell(f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}", data)

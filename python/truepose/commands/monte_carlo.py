@@ -13,8 +13,8 @@ from truepose.arguments import finite_rows
 from truepose.commands import options
 from truepose.exceptions import InputError
 from truepose.files import Output, mark
-from truepose.robot import Robot, in_print, load, summed
-from truepose.show import Cell, Table, fixed, tabled
+from truepose.robot import Robot, in_print, knowledge, list_robots, load, summed
+from truepose.show import Table, fixed, named, tabled
 from truepose.show.terminal import Format, progress, say, show
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
@@ -146,9 +146,8 @@ def _parameters(robot: Robot, result: Missed) -> Table:
     rows, columns = [], (result.before, result.after, result.sigma)
     for name, *values in zip(result.names, *columns, strict=True):
         factor, unit = in_print(robot, name)
-        label = Cell(f"{name} ({unit})".removesuffix(" ()"), {"parameter": name})
-        cells = [Cell(f"{factor * v:.4f}", float(v)) for v in values]
-        rows.append([label, *cells, fixed(values[1] / values[2])])
+        cells = [fixed(factor * v, 4) for v in values]
+        rows.append([named("parameter", name, unit), *cells, fixed(values[1] / values[2])])
     header = ["parameter", "nominal", "calibrated", "σ", "calibrated / σ"]
     return Table("parameters", "Parameter errors (value − true value)", header, rows)
 
@@ -197,10 +196,15 @@ def study_command(
 
     Example: **truepose monte-carlo calibration h4 par4 --robots 200 -o my-study**
     """
+    if function in list_robots():
+        raise InputError(f"{function}: is a robot; the function is first: monte-carlo rest h4")
+    sampled = [options.load_with(robot, sensors) for robot in robots]
+    for robot in sampled if function in MEANING else ():
+        knowledge.require_uncertain(robot)  # else every result is 0
     with progress("cases") as bar:
         found = monte_carlo(
             function,
-            [options.load_with(robot, sensors) for robot in robots],
+            sampled,
             count,
             grid=dict(map(_values, grid or ())),
             seed=seed,

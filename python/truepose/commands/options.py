@@ -105,7 +105,7 @@ Lean = Annotated[
 wrote = terminal.wrote
 Force = Annotated[bool, Option("--force", help="Replace an existing file.")]
 How = Annotated[
-    Format, Option("--format", help="csv and json: data only, all digits, units in the names.")
+    Format, Option("--format", help="csv and json: data only, in mm and degrees, with all digits.")
 ]
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import tomlkit
 import typer
 from typer import Argument, Option
 
@@ -82,6 +81,8 @@ def new_command(
 
     Example: **truepose new delta -o my_delta.toml**
     """
+    import tomlkit
+
     out = out or Path(f"{robot}.toml")
     known = robotfile.shipped()
     if robot not in known:

@@ -40,7 +40,7 @@ HARDLY = 0.95
 
 def plan_poses(
     robot: Robot,
-    n: int | None = None,
+    count: int | None = None,
     *,
     candidates: CandidatePoses | ArrayLike | int = COUNT,
     after: Calibration | ArrayLike | Mapping[str, ArrayLike] | None = None,
@@ -62,7 +62,7 @@ def plan_poses(
     ----------
     robot : Robot
         Nominal or calibrated, with its sensors in use.
-    n : int, optional
+    count : int, optional
         Number of poses; default 30, with a `target` at most 200.
     candidates : CandidatePoses, array_like of shape (N, c), or int
         Candidate measurements, or poses, or the number of poses to sample over the workspace; the
@@ -90,7 +90,7 @@ def plan_poses(
     Raises
     ------
     InputError
-        No candidate is informative; there are fewer than n; all together do not reach the target.
+        No candidate is informative; there are too few; all together do not reach the target.
 
     Examples
     --------
@@ -102,8 +102,8 @@ def plan_poses(
     (20, 4) True
     """
     require_robot(robot)
-    if n is not None:
-        whole("n", n, 1)
+    if count is not None:
+        whole("count", count, 1)
     if target is not None:
         positive("target", target, " (m)")
     fit = (
@@ -119,10 +119,10 @@ def plan_poses(
         candidates = CandidatePoses(poses=candidates)
     sampled = np.ndim(candidates.poses) == 0
     if sampled:
-        count = int(np.asarray(candidates.poses))
-        if count > SAMPLED:
-            raise InputError(f"candidates = {count}: must be at most {SAMPLED}, or poses")
-        candidates = replace(candidates, poses=drawn(robot, count, seed))
+        number = int(np.asarray(candidates.poses))
+        if number > SAMPLED:
+            raise InputError(f"candidates = {number}: must be at most {SAMPLED}, or poses")
+        candidates = replace(candidates, poses=drawn(robot, number, seed))
     if use.calibrated_on is not None:
         raise InputError(
             "calibrated_on: a plan chooses these poses; give earlier readings by after"
@@ -138,7 +138,7 @@ def plan_poses(
         raise InputError("seen: refers to the tracker's frame, relative_to to the base frame")
     criterion = Seen if seen else Relative if len(reference) else Sought
     sought = criterion(robot, rows, level, use.poses, reference)
-    found, count = _chosen(sought, n, target), len(rows.steps)
+    found, among = _chosen(sought, count, target), len(rows.steps)
     if sampled and found and not candidates.differences and not len(candidates.influences):
 
         def measured(x: Array) -> Rows:
@@ -159,16 +159,16 @@ def plan_poses(
     more = min(len(found) + MORE, len(rows.steps))
     weights = sought.weights(sought.after(found))
     longer = Exchange(*asked, weights, list(found)).grow(more).chosen
-    sets = [rng.permutation(count)[: len(found)].tolist() for _ in range(RANDOM)]
+    sets = [rng.permutation(among)[: len(found)].tolist() for _ in range(RANDOM)]
     return PosePlan(
         robot=robot,
         steps=[rows.steps[k] for k in found],
         sigma=np.array([sought.sigma(sought.after(found[:k])) for k in range(len(found) + 1)]),
         random=np.array([sought.left(measured) for measured in sets]),
-        everything=sought.left(range(count)),
+        everything=sought.left(range(among)),
         bound=sought.bound(found),
         longer=(more - len(found), sought.left(longer)),
-        candidates=count,
+        candidates=among,
         left_out=rows.left_out,
         over=sought.poses,
         target=target,
@@ -211,7 +211,7 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
             "file: " + (", ".join(sensor.name for sensor in robot.spec.sensor) or "none")
         )
     if n is not None and n > count:
-        raise InputError(f"n = {n}: only {count} candidates are reachable")
+        raise InputError(f"count = {n}: only {count} candidates are reachable")
 
     best = functools.partial(_best, sought)
     if target is None:

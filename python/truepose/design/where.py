@@ -106,7 +106,8 @@ def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Arr
     reached = reachable(robot.with_sensors(), low + unit * (high - low), robot.highest_level)
     if not reached.all():
         raise InputError(
-            f"volume: {1 - reached.mean():.0%} of it is out of reach: choose a smaller one "
-            f"(truepose info {robot.name} prints the workspace)"
+            f"volume: {1 - reached.mean():.0%} of it is out of reach: choose a smaller one; "
+            f"are its units right, m and rad without one? (truepose info {robot.name} prints the "
+            "workspace)"
         )
     return low + inside[:POSES] * (high - low)

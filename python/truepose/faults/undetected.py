@@ -8,7 +8,7 @@ from truepose.arguments import Array
 from truepose.control.effects import assumed_friction
 from truepose.faults.limits import Detectability
 from truepose.robot import angles, reading_units
-from truepose.show import Cell, Table, measured, number
+from truepose.show import PRINT, Cell, Table, measured, number
 
 #: Largest fault that is considered, by the reading's unit: m or rad (assumed).
 MOST = {"rad": np.radians(3), "m": 0.01}
@@ -18,7 +18,7 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
     """Return one row a motor: its encoder off by just less than `detected` where that moves most.
 
     The motors hold their setpoints, so the platform stands where that encoder puts it. `poses`
-    (N, n) are those of `found`. Units in the data: m, rad, N·m (slides: N).
+    (N, n) are those of `found`.
 
     Examples
     --------
@@ -46,22 +46,24 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
             if part.any()
         }
         change = (robot.rkm(there, errors="nan") - robot.rkm(x)).tolist()
-        sensors = dict(zip(robot.sensors, change, strict=True))
-        told = (
-            f"{s} {measured(abs(v), u)}"
-            for (s, v), u in zip(sensors.items(), units[n:], strict=True)
-        )
+        sensors = list(zip(robot.sensors, change, units[n:], strict=True))
+        told = (f"{s} {measured(abs(v), u)}" for s, v, u in sensors)
         hold = robot.inverse_dynamics(np.array([x, there]), rest, rest, errors="nan")
-        forces = {"torque": np.abs(hold[1] - hold[0]).max(), "friction": assumed_friction(chain)}
-        torque, friction = map(number, forces.values())
+        torque, friction = np.abs(hold[1] - hold[0]).max(), assumed_friction(chain)
         unit = "N·m" if units[i] == "rad" else "N"
         rows.append(
             [
                 robot.readings[i],
                 _cell({units[i]: float(off[at])}, "off"),
                 _cell(moves, "moves"),
-                Cell(", ".join(told), sensors),
-                Cell(f"{torque} {unit} ({friction})", forces),
+                Cell(
+                    ", ".join(told),
+                    {f"{s} ({PRINT[u][1]})": PRINT[u][0] * v for s, v, u in sensors},
+                ),
+                Cell(
+                    f"{number(torque)} {unit} ({number(friction)})",
+                    {f"torque ({unit})": torque, f"friction ({unit})": friction},
+                ),
             ]
         )
     header = ["motor", "off by", "platform moves", "sensors change", "torques change (friction)"]
@@ -83,7 +85,8 @@ def worst_of(table: Table) -> str:
 
 
 def _cell(values: dict[str, float], what: str) -> Cell:
-    data = {f"{what} ({unit})": value for unit, value in values.items()}
+    printed = [(*PRINT[unit], value) for unit, value in values.items()]
+    data = {f"{what} ({unit})": factor * value for factor, unit, value in printed}
     if not np.isfinite(list(values.values())).all():
         return Cell("out of the workspace", data)
     return Cell(", ".join(measured(value, unit) for unit, value in values.items()), data)

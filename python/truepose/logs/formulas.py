@@ -25,7 +25,7 @@ def computed(
 
     `read` has the columns by name; ``numbers(name)`` returns one as floats.
     """
-    missing = "columns by formulas need pint: pip install 'truepose[units]'"
+    missing = "columns by formulas need pint: pip install pint"
     pint = package("pint", missing)
     registry = pint.UnitRegistry()
     units = dict(zip(robot.readings, reading_units(robot), strict=True))

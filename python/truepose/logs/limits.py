@@ -38,7 +38,7 @@ def require(path: Path, rows: int, cells: int, unpacked: int = 0) -> None:
 
 def pyarrow_for(path: Path) -> Any:
     """Return pyarrow with its Parquet module; InputError where it is not installed."""
-    missing = f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
+    missing = f"{path}: Parquet needs pyarrow: pip install pyarrow; CSV needs nothing"
     return package("pyarrow.parquet", missing)
 
 

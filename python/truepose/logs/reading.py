@@ -217,7 +217,7 @@ def _csv(path: Path, data: bytes) -> Cells:
     try:
         text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
     except UnicodeDecodeError:
-        raise InputError(f"{path}: neither Parquet nor text (UTF-8)") from None
+        raise InputError(f"{path}: neither Parquet nor text (UTF-8); save a table as CSV") from None
     numbered = [
         (number, line)
         for number, line in enumerate(text, 1)
@@ -237,9 +237,23 @@ def _csv(path: Path, data: bytes) -> Cells:
     if len(rows) < 2:
         raise InputError(f"{path}: no line of values")
     header, *rows = rows
+    if len(header) == 1 and len(header[0].split()) > 1:
+        shown = one_line(header[0], 60)
+        raise InputError(f"{path}: line {numbered[0][0]}: {shown}: must be separated by commas")
+    if all(map(_is_number, header)):
+        shown = one_line(", ".join(header), 60)
+        raise InputError(f"{path}: line {numbered[0][0]}: {shown}: must be the columns' names")
     _no_twins(path, header)
     columns = dict(zip(header, map(list, zip(*rows, strict=True)), strict=True))
     return Cells(columns, np.array([n for n, _ in numbered[1:]]), "line", str(path))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _numbered(columns: dict[str, Any], where: str) -> Cells:
@@ -317,7 +331,7 @@ class Cells(NamedTuple):
         outside = [f"measured_{name}" for name, _ in robot.coordinates]
         own = {n: n if n in columns else raw.column_of(n, columns) for n in robot.readings}
         if missing := [name for name, column in own.items() if column is None]:
-            raise InputError(f"{where}: {_missing(robot, missing, list(columns))}")
+            raise InputError(f"{where}: {_missing(robot, missing, list(columns), self.word)}")
         turned = orientation.columns(robot, columns, where)
         for name in columns:
             if name in turned or not name.startswith("measured_"):
@@ -373,13 +387,15 @@ class Cells(NamedTuple):
         return Log(*about, unused, sigma, labels, above, loads, implied, leans, angles, form)
 
 
-def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
+def _missing(robot: Robot, missing: list[str], columns: list[str], word: str) -> str:
     sensors = all(name in robot.sensors for name in missing)
     hint = "; leave a sensor out that was not read (--sensors, with_sensors)" if sensors else ""
-    if len(missing) == 1:
-        return choose("column", missing[0], columns).replace("unknown", "no", 1) + hint
     if {name.lower() for name in missing} & {name.lower() for name in columns}:
         hint = f"; case matters{hint}"
+    elif not sensors and word == "line":
+        hint = f"; --columns '{missing[0]} = NAME deg' takes a column of another name or unit"
+    if len(missing) == 1:
+        return choose("column", missing[0], columns).replace("unknown", "no", 1) + hint
     return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"
 
 

@@ -14,7 +14,7 @@ from truepose.robotfile.chains import Chain
 from truepose.robotfile.mechanism import Closure
 from truepose.robotfile.schema import RobotFile, Tolerance
 from truepose.robotfile.to_core import drawn, encoder_steps
-from truepose.show import Cell, Table, measured, number
+from truepose.show import PRINT, Cell, Table, measured, number
 
 #: Largest plausible share of σ in its length, of an angle in a radian, of a gain in 1.
 SHARE = 0.1
@@ -158,13 +158,16 @@ def table(robot: Robot) -> Table:
     rows = []
     for one in spreads(robot):
         low, high = min(one.values.values()), max(one.values.values())
+        factor, unit = PRINT[one.unit]
         ends = dict.fromkeys(measured(value, one.unit) for value in (low, high))
         sigma, mean = one.tolerance.deviation, one.tolerance.mean
         about = f", mean {measured(mean, one.unit)}" * bool(mean)
         rows.append([
             Cell(one.glob, {"tolerance": one.glob, "parameters": len(one.values)}),
-            Cell(" to ".join(ends), {"minimum": low, "maximum": high, "unit": one.unit}),
-            Cell(measured(sigma, one.unit) + about, {"sigma": sigma, "mean": mean}),
+            Cell(
+                " to ".join(ends), {"minimum": factor * low, "maximum": factor * high, "unit": unit}
+            ),
+            Cell(measured(sigma, one.unit) + about, {"σ": factor * sigma, "mean": factor * mean}),
             number(100 * one.share),
         ])  # fmt: skip
     header = ["tolerance", "nominal value", "σ", "share (%)"]

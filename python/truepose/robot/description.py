@@ -10,12 +10,13 @@ from typing import Any, Final, Literal, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core, files, robotfile
+from truepose import _core, files, moved, robotfile
 from truepose.arguments import Array, Level, finite, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain, flaws
 from truepose.robotfile.base import ARMS, COMMON, is_compliance
 from truepose.robotfile.consistency import wrong_value
+from truepose.robotfile.reading import checked
 from truepose.robotfile.schema import (
     CalibrationSection,
     Compliance,
@@ -107,9 +108,14 @@ class Description:
             )
 
     def __setattr__(self, name: str, value: object) -> None:
-        if name in self.__dict__:
+        if name in self.__dict__ or hasattr(type(self), name):
             raise AttributeError(f"{name}: a robot is immutable: replace() and with_…() copy it")
         super().__setattr__(name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        raise AttributeError(moved.no_attribute("truepose.Robot", name, dir(type(self))))
 
     def __repr__(self) -> str:
         sensors = ", ".join(self.spec.sensors) or "no sensor"
@@ -189,7 +195,7 @@ class Description:
         return level == "full"
 
     def with_file(self, **keys: Any) -> Self:
-        """Return a copy with other keys of its robot file, which are not checked.
+        """Return a copy with other keys of its robot file.
 
         Parameter values other than the file's are kept.
 
@@ -199,6 +205,8 @@ class Description:
         >>> tp.load("h4").with_file(tolerances={}).parameters["chain1.rod"].sigma
         0.0
         """
+        for key, value in keys.items():
+            keys[key] = checked(type(self.spec), key, value)
         given = self._nominal | self.spec.parameters
         own = {name: v for name, v in self._values.items() if v != given[name]}
         return type(self)(self.spec.model_copy(update=keys), own)
@@ -219,7 +227,14 @@ class Description:
         """
         parts = getattr(self.spec, table)
         return self.with_file(
-            **{table: tuple(part.model_copy(update=change(part)) for part in parts)}
+            **{
+                table: tuple(
+                    part.model_copy(
+                        update={k: checked(type(part), k, v) for k, v in change(part).items()}
+                    )
+                    for part in parts
+                )
+            }
         )
 
     @property
@@ -333,6 +348,7 @@ class Description:
         >>> longer.parameters["chain1.rod"].value
         0.483
         """
+        require(values, Mapping, "values", '{"chain1.rod": 0.483}')
         for name, value in values.items():
             if name not in self._values:
                 raise InputError(choose("parameter", name, self._values))

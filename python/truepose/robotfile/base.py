@@ -152,7 +152,12 @@ def tables(data: dict, key: str) -> list[dict]:
 class Section(BaseModel):
     """A table of a robot file: no unknown keys, immutable."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise AttributeError(f"{name}: a robot file is immutable: robot.with_file() copies it")
+        super().__setattr__(name, value)
 
     def stated(self, *keys: str) -> list[str]:
         """Return those of the keys that the table states other than by default, and need not."""

@@ -2,18 +2,19 @@
 
 import contextlib
 import copy
+import functools
 import itertools
 import os
 import re
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import ValidationError
 
 from truepose import files
-from truepose.exceptions import InputError, RobotFileError, choose, shortened
+from truepose.exceptions import InputError, RobotFileError, choose, one_line, shortened
 from truepose.robotfile import consistency
 from truepose.robotfile.base import Problem, Section, tables
 from truepose.robotfile.pattern import MARK, TURNED, Copy, copies, misfits, repeats, turned_copies
@@ -97,9 +98,23 @@ def table_of(text: str) -> dict:
             raise RecursionError
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"not TOML: {error}") from None
+        raise ValueError(f"not TOML: {_shown(text, str(error))}") from None
     except RecursionError:
         raise ValueError("not TOML that can be read: nested too deeply") from None
+
+
+def _shown(text: str, error: str) -> str:
+    """Return an error of the parser with the line that it is about, and a likely mistake."""
+    at = re.search(r"line (\d+)", error)
+    line = text.splitlines()[int(at[1]) - 1].strip() if at else ""
+    hint = ""
+    if re.match(r"[^\"'#]*=\s*[-+]?\d+,\d", line):
+        hint = "; decimals need a point"
+    elif re.match(r"[^\"'#]*=\s*[A-Za-z]", line):
+        hint = "; a text needs quotes"
+    elif line.count(",") and "=" not in line:
+        hint = "; a log of readings is no robot file: give the robot first"
+    return f"{error}: {one_line(line, LINE)}{hint}" if line else error
 
 
 def validate(data: dict, where: str) -> RobotFile:
@@ -181,6 +196,26 @@ def section(kind: type[AnySection], name: str, values: dict, robot: str) -> AnyS
         problem = error.errors()[0]
         text = _describe({**problem, "loc": (name, *problem["loc"])})
         raise InputError(f"{robot}: {text}") from None
+
+
+@functools.cache
+def _adapter(kind: type[Section], key: str) -> Any:
+    from pydantic import TypeAdapter
+
+    field = kind.model_fields[key]
+    made: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    return TypeAdapter(made)
+
+
+def checked(kind: type[Section], key: str, value: Any) -> Any:
+    """Check the value of a table's key, given in Python."""
+    if key not in kind.model_fields:
+        raise InputError(choose("key", key, kind.model_fields))
+    try:
+        return _adapter(kind, key).validate_python(value)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        raise InputError(_describe({**problem, "loc": (key, *problem["loc"])})) from None
 
 
 def where_written(location: tuple, data: dict, sources: Sources) -> tuple:

@@ -1,15 +1,18 @@
 """Writer of robot files that keeps order and comments."""
 
-from pathlib import Path
-from typing import Any
+from __future__ import annotations
 
-import tomlkit
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from truepose.files import Output
 from truepose.robotfile import quantities
 from truepose.robotfile.reading import parse
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.to_core import drawn
+
+if TYPE_CHECKING:
+    import tomlkit
 
 
 def output(path: str | Path, option: str = "") -> Output:
@@ -19,6 +22,8 @@ def output(path: str | Path, option: str = "") -> Output:
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     """Return a robot's file text, order and comments kept; non-nominal `values` as [parameters]."""
+    import tomlkit
+
     nominal = drawn(spec)
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
     before = parse(document.as_string(), spec.name)
@@ -78,6 +83,8 @@ def _stated(document: tomlkit.TOMLDocument, spec: RobotFile, value: Any, *path: 
 
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
     """Return every key that differs from its default, the pattern's chains expanded."""
+    import tomlkit
+
     left_out = {"pattern", "parameters", "calibration"}
     document = tomlkit.document()
     own = spec.model_dump(exclude_defaults=True, exclude=left_out, mode="json")

@@ -5,7 +5,7 @@ import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -82,9 +82,9 @@ def as_csv(records: Iterable[Mapping[str, object]]) -> str:
     return text.getvalue()
 
 
-def fixed(value: float, decimals: int = 2) -> Cell:
-    """Format a number with a given number of decimals."""
-    return Cell(f"{value:.{decimals}f}", float(value))
+def fixed(value: float, decimals: int = 2, sign: Literal["", "+"] = "") -> Cell:
+    """Format a number with a given number of decimals, and "+" if it is positive."""
+    return Cell(f"{value:{sign}.{decimals}f}", float(value))
 
 
 def number(value: float | None, significant: int = 3, data: object = None) -> Cell:

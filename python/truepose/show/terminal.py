@@ -2,15 +2,15 @@
 
 import codecs
 import contextlib
-import functools
 import json
 import math
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import rich.table
 from rich.align import Align
@@ -33,6 +33,8 @@ _PLAIN = {
 _GAP = 2  # columns between those of a table
 #: Lines of a table: only a rule below the header.
 _RULE = Box("    \n    \n ── \n" + 5 * "    \n")
+#: s between lines of progress where standard error is no terminal.
+QUIET = 30.0
 _LEAST = 40  # columns; lines exceed a narrower window
 #: Largest number of lines of a command's answer.
 MOST = 20
@@ -78,14 +80,24 @@ def wrote(how: Format, *paths: Path | None) -> None:
 
 @contextlib.contextmanager
 def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None]]:
-    """Show a progress bar where standard error is a terminal; yield rich's `update` of it."""
+    """Show a progress bar, or each `QUIET` s a line; yield rich's `update` of the bar."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as Remaining
 
     columns = (TextColumn("{task.description:20}"), BarColumn(), MofNCompleteColumn(), Remaining())
     errors = Console(stderr=True)
     with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
-        yield functools.partial(bar.update, bar.add_task(what, total=total))
+        task, since = bar.add_task(what, total=total), time.monotonic()
+
+        def update(**changed: Any) -> None:
+            nonlocal since
+            bar.update(task, **changed)
+            if not errors.is_terminal and time.monotonic() > since + QUIET:
+                since, of = time.monotonic(), bar.tasks[0]
+                share = f"{of.completed:g} of {of.total:g}" if of.total else f"{of.completed:g}"
+                say(f"{of.description}: {share}", err=True)
+
+        yield update
 
 
 def limit(everything: bool) -> None:

@@ -42,5 +42,5 @@ def measured(value: float, unit: str) -> str:
 
 
 def named(what: str, name: str, unit: str) -> Cell:
-    """Return a row's name with its printed unit; the data have the SI unit."""
-    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})
+    """Return a row's name with its printed unit, the unit of the row's numbers."""
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": unit})

@@ -39,7 +39,7 @@ class _Moves:
         Duration of each move, s, by a quintic time law; unused with limits.
     linear, angular : (speed, acceleration, jerk), optional
         Limits in m and rad, of the platform's reference point and of its rotation; each move is
-        then the fastest within them, found by ruckig (``pip install .[paths]``).
+        then the fastest within them, found by ruckig (``pip install ruckig``).
     """
 
     duration: float = MOVE_DURATION
@@ -325,7 +325,7 @@ def _quintic(t: Array, duration: float) -> tuple[Array, Array, Array]:
 
 def _jerk_limited(limits: Array) -> tuple[Callable, float]:
     """Return s(t) from 0 to 1, as fast as the speed, acceleration and jerk allow, and its end."""
-    missing = "jerk-limited moves need ruckig: pip install 'truepose[paths]'"
+    missing = "jerk-limited moves need ruckig: pip install ruckig"
     ruckig = package("ruckig", missing)
     asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
     asked.target_position = [1.0]

@@ -26,7 +26,7 @@ class Storage:
         self.folder = folder
         self._arrow = package(
             "pyarrow.parquet",
-            "study: --out: pyarrow is not installed; pip install 'truepose[cluster]'",
+            "study: --out: pyarrow is not installed; pip install pyarrow",
         )
         manifest = manifest_of(cases, function)
         place = folder / MANIFEST

@@ -16,7 +16,6 @@ from truepose.show import Shown, Table, number, ranges
 from truepose.studies.cases import OWN, Asked, Cases
 from truepose.studies.functions import function_of, require_keys
 from truepose.studies.storage import Storage
-from truepose.studies.workers import Workers
 from truepose.threads import cores
 
 
@@ -162,6 +161,8 @@ def monte_carlo(
         whole("study: chunk", chunk, 1)
     total = count * cases.each
     kept = None if out is None else Storage(Path(out), cases, asked)
+    from truepose.studies.workers import Workers  # of processes
+
     done = {number: row for number, row in kept.rows.items() if number < total} if kept else {}
     progress = progress or (lambda done, total: None)
     progress(len(done), total)

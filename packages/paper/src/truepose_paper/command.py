@@ -34,7 +34,7 @@ def command(
     after its own calibration. Many robots, sampled from the paper's errors, settle at the 625 poses
     of Table 2; so does a twin of the paper's robot, measured as the paper did. Robots with an error
     in every rod settle with each sensor set, as built and calibrated. --all adds the errata and
-    more tables. --full takes minutes.
+    more tables. --full takes minutes; an interrupted run resumes.
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
@@ -43,16 +43,21 @@ def command(
     if experiment:
         raise InputError("--experiment: every report has the twin's experiment; omit the option")
     from truepose_paper import claims, report, screen, tables
+    from truepose_paper.parts import Parts
     from truepose_paper.reproduce import reproduce
 
     start = time.perf_counter()
     with report.folder(out, force) as work, progress("robots") as bar:
+        kept = out.absolute()
+        kept = kept.with_name(f"{kept.name}.parts.jsonl")
+        parts = Parts(kept, robots=robots, seed=seed, full=full)
 
         def step(what: str, done: int, total: int) -> None:
             bar(description=what, completed=done, total=total)
 
-        result = reproduce(robots, seed, step, full)
+        result = reproduce(robots, seed, step, full, parts)
         report.write(result, work, step)
+        parts.clear()
     elapsed = time.perf_counter() - start
     done = f"{robots} robots, seed {seed}, {elapsed:.0f} s; report: {out / report.PAGE}"
     first, more = tables.results(result)

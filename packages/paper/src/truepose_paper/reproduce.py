@@ -12,6 +12,7 @@ from truepose.simulation.simulate import Simulation, simulate
 from truepose.threads import each
 from truepose_paper import article, experiment, sensor_sets, twin
 from truepose_paper.experiment import CONTROLS, Control, Experiment
+from truepose_paper.parts import Parts
 from truepose_paper.virtual_experiment import Run
 
 AGAIN = 20  #: repetitions of the twin's experiment
@@ -49,6 +50,7 @@ def reproduce(
     seed: int,
     progress: Callable[[str, int, int], None] = lambda what, done, total: None,
     full: bool = False,
+    parts: Parts | None = None,
 ) -> Reproduction:
     """Simulate the move, and compute steady states at 625 poses.
 
@@ -57,8 +59,9 @@ def reproduce(
 
     `progress` is called with the name of the present task and the numbers of its finished and of
     all its parts. `full` studies sensor sets over at least `paper.sensor_sets.ROBOTS` robots, and
-    over robots of ordinary machining.
+    over robots of ordinary machining. `parts` keeps what is done of the long studies.
     """
+    parts = Parts() if parts is None else parts
     robot = load("h4").with_file(conditions=None)  # the experiment has none
     truths = experiment.draw_robots(robot, robots, seed)
 
@@ -85,8 +88,8 @@ def reproduce(
         result,
         of,
         of.run(robot, tuple(CONTROLS)),
-        twin.set_up_again(robot, of, range(AGAIN)),
+        twin.set_up_again(robot, of, range(AGAIN), at("the experiment again"), parts),
         experiment.changed_by_m_at_x(robot, truths, some, at("M at x")),
         experiment.law_seconds(robot, result.poses),
-        sensor_sets.compare(kinds, real, seed, calibrated, at("sensor sets")),
+        sensor_sets.compare(kinds, real, seed, calibrated, at("sensor sets"), parts),
     )

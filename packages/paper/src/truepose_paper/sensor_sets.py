@@ -19,6 +19,7 @@ from truepose_paper.experiment import (
     position_rms,
     rms_interval,
 )
+from truepose_paper.parts import Parts
 
 #: Sensors of the H4's file that are added to its motors.
 SETS: dict[str, tuple[str, ...]] = {
@@ -84,13 +85,14 @@ def compare(
     seed: int,
     calibrated: int,
     progress: Progress,
+    parts: Parts,
 ) -> list[Line]:
     """Compute steady states of robots sampled from the tolerances, per control and sensor set.
 
     `nominal` is the H4 with the sensors of `SETS` in its file, by the name of its tolerances, as
     from :func:`tolerances`. Each set has the same `robots` true
     robots, each rod sampled on its own; the first `calibrated` of them calibrate themselves.
-    `progress` is called after each robot of each set.
+    `progress` is called after each robot of each set; `parts` keeps what is done.
     """
     visited = article.table2()
     poses = visited[::EVERY]
@@ -105,10 +107,13 @@ def compare(
     ) -> dict[Control, float]:
         kind, (number, source) = task
         controls = CONTROLS if number < calibrated else LAWS
-        found = experiment.rest(
-            kinds[kind], kinds[kind].sample(source), poses, visited, controls, number
-        )
-        return {control: position_rms(x - poses) for control, x in found.items()}
+
+        def work() -> dict[Control, float]:
+            true = kinds[kind].sample(source)
+            found = experiment.rest(kinds[kind], true, poses, visited, controls, number)
+            return {control: float(position_rms(x - poses)) for control, x in found.items()}
+
+        return dict(parts(f"{', '.join(kind)}: {number}", work))
 
     lines = []
     sources = enumerate(np.random.SeedSequence(seed).spawn(robots))

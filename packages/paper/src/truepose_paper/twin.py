@@ -1,7 +1,8 @@
 """The shipped twin of the paper's robot, and its experiment."""
 
+import functools
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from truepose.robot import Robot, load
 from truepose.simulation.plants.exact import ExactPlant
 from truepose_paper import article, virtual_experiment
 from truepose_paper.experiment import PRINTED, Control
+from truepose_paper.parts import Parts
 from truepose_paper.virtual_experiment import Run
 from truepose_paper.vision import Setup, Vision
 
@@ -61,12 +63,26 @@ class Twin:
         )
 
 
-def set_up_again(robot: Robot, of: Twin, seeds: Iterable[int]) -> Array:
+def set_up_again(
+    robot: Robot,
+    of: Twin,
+    seeds: Sequence[int],
+    progress: Callable[[int, int], None],
+    parts: Parts,
+) -> Array:
     """Return Table 3 of a twin whose experiment is repeated, (runs, 2, 5, 4).
 
     Each seed gives a newly built, calibrated and noisy vision system; the robot stays the same.
     """
-    return np.array([tables(replace(of, seed=seed).run(robot)) for seed in seeds])
+
+    def work(seed: int) -> list:
+        return tables(replace(of, seed=seed).run(robot)).tolist()
+
+    found = []
+    for done, seed in enumerate(seeds, 1):
+        found.append(parts(f"twin: {seed}", functools.partial(work, seed)))
+        progress(done, len(seeds))
+    return np.array(found)
 
 
 def tables(runs: dict[Control, Run]) -> Array:

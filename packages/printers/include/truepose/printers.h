@@ -3,7 +3,7 @@
  * Calibration of delta printers from their own text, in C99: one call, text in, JSON out.
  *
  * The text is a Klipper printer.cfg or klippy.log (linear and rotary deltas), or a session of a
- * Marlin or RepRapFirmware printer: M665, M666, M92 and the answers to G30, G33 or G32.
+ * printer with Marlin, RepRapFirmware, Smoothieware or Repetier: settings and probed heights.
  *
  * Unlike truepose.h this allocates, takes up to seconds for hundreds of readings, and needs a C++
  * runtime. It keeps no state: threads may call it at once. */
@@ -45,7 +45,7 @@ typedef struct truepose_printer_options {
  *
  * `text` has `length` bytes and need not end with 0; `options` may be null. The answer is one JSON
  * object in UTF-8 without a final 0: `{"error": "one line"}`, or the fit, its judgement, the lines
- * to send and the new configuration (packages/printers/docs/delta-printer.md lists its members).
+ * to send and the new configuration (packages/printers/docs/delta-printer.md describes them).
  *
  * @return bytes of the answer; above `capacity` none was written: call again with that many */
 TRUEPOSE_API int truepose_printer(const char* text, size_t length,

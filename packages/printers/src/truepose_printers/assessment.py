@@ -1,8 +1,8 @@
 """Assessment of a delta printer: the library's answer to the text of its firmware.
 
 Parsing, fits and judgement are the library's (include/truepose/printers): Klipper's printer.cfg
-and klippy.log, sessions of Marlin and RepRapFirmware. A *stable position*, Klipper's term, is the
-number of steps of each motor down from its endstop.
+and klippy.log, sessions of Marlin, RepRapFirmware, Smoothieware and Repetier. A *stable position*,
+Klipper's term, is the number of steps of each motor down from its endstop.
 """
 
 from __future__ import annotations
@@ -24,8 +24,6 @@ from truepose_printers.library import Delta, answer
 MM, DEGREE = 1e-3, math.pi / 180
 #: Largest file, bytes: a klippy.log.
 MOST_LOG = 100_000_000
-#: Names of the firmwares with lines to send.
-FIRMWARES = {"marlin": "Marlin", "rrf": "RepRapFirmware"}
 
 
 @dataclass(frozen=True)
@@ -39,6 +37,11 @@ class Assessment:
     def delta(self) -> Delta:
         """The printer's kinematics."""
         return Delta(self.answer["kinematics"] != "delta", np.array(self.answer["step"]))
+
+    @property
+    def other(self) -> str:
+        """The firmware's name, if it is not Klipper."""
+        return "" if self.answer["kind"] == "klipper" else str(self.answer["firmware"])
 
     @property
     def values(self) -> Array:

@@ -14,7 +14,7 @@ from truepose.commands.options import Force, How, wrote
 from truepose.exceptions import InputError
 from truepose.show.terminal import Format, say, show
 from truepose_printers import backups, review
-from truepose_printers.assessment import FIRMWARES, MM, Assessment, read
+from truepose_printers.assessment import MM, Assessment, read
 
 #: Plausible range of arm lengths, mm.
 _ARMS = (10.0, 5000.0)
@@ -24,7 +24,7 @@ def command(
     config: Annotated[
         Path,
         typer.Argument(
-            metavar="PRINTER.CFG", help="Klipper's config file or klippy.log, or a text with M665."
+            metavar="PRINTER.CFG", help="Klipper's printer.cfg or klippy.log, or a terminal's log."
         ),
     ],
     write: Annotated[
@@ -65,11 +65,12 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Calibrate a delta printer from the readings that Klipper's delta_calibrate saved.
+    """Diagnose and calibrate a delta printer from its firmware's text.
 
-    Prints the fit of the file's parameters, of Klipper's criterion and of the estimate with stated
-    tolerances; σ of each parameter; the error of held-out heights and over the bed; and whether to
-    use the estimate.
+    The text is Klipper's printer.cfg or klippy.log with the readings of DELTA_CALIBRATE, or a
+    terminal's log of Marlin, RepRapFirmware, Smoothieware or Repetier with settings and probed
+    heights. The first sentence says what to do. Tables have the fit of the file's parameters, of
+    Klipper's criterion and of the estimate, σ of each parameter, held-out and bed errors.
 
     --plan adds the next points to measure; without readings, the first ones. --points plans heights
     alone and writes them for Klipper.
@@ -97,9 +98,9 @@ def command(
         say(f"{config}: {note}", err=True)
     tables = [review.plan(found)] if answer["plan"] else []
     words = [*answer.get("words", ()), *answer["assumptions"]]
-    if answer["kind"] in FIRMWARES and "lines" in answer:
-        words.insert(0, f"Lines for {FIRMWARES[answer['kind']]}: {' | '.join(answer['lines'])}")
-    if write or answer["kind"] in FIRMWARES:
+    if found.other and "lines" in answer:
+        words.insert(1, f"The estimate for {found.other}: {' | '.join(answer['lines'])}")
+    if write or found.other:
         words.append("After new parameters measure the Z offset and the mesh of the bed again")
     if backup:
         table, verdict = backups.judged([found, *(read(other, **options) for other in backup)])
@@ -114,6 +115,6 @@ def command(
 def _config_text(found: Assessment) -> str:
     """Return the printer's file with the estimate, as SAVE_CONFIG would write it."""
     if "config" not in found.answer:
-        kind = FIRMWARES.get(found.answer["kind"], "klippy.log")
+        kind = found.other or "klippy.log"
         raise InputError(f"--write: {found.path} is no printer.cfg ({kind}): give that")
     return str(found.answer["config"])

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.show import Cell, Table, fixed
-from truepose_printers.assessment import DEGREE, MM, Assessment
+from truepose.exceptions import InputError
+from truepose.show import Cell, Table, fixed, named
+from truepose_printers.assessment import MM, Assessment
 
 #: The sets of parameters, and the residuals of the readings with each in the answer.
 FITS = {
@@ -16,8 +17,6 @@ FITS = {
     "Klipper's criterion": "residual_klipper_mm",
     "estimate with tolerances": "residual_mm",
 }
-#: SI values of the answer's units, and their names.
-UNITS = {"mm": (MM, "m"), "°": (DEGREE, "rad"), "%": (0.01, "")}
 
 
 def tables(found: Assessment, narrow: bool = False) -> list[Table]:
@@ -30,10 +29,16 @@ def tables(found: Assessment, narrow: bool = False) -> list[Table]:
     return [fits(found), known, *left_out, bed(found)]
 
 
+def _names(found: Assessment) -> dict[str, str]:
+    """Return FITS in the words of the printer's firmware."""
+    names = ("the settings", "fit without tolerances", "estimate with tolerances")
+    return dict(zip(names, FITS.values(), strict=True)) if found.other else FITS
+
+
 def fits(found: Assessment) -> Table:
     """Return the residuals of the readings with three sets of parameters."""
     rows = []
-    for name, key in FITS.items():
+    for name, key in _names(found).items():
         parts = [found.column(key, distance) for distance in (False, True)]
         cells = [(cell(rms(off), 4), cell(np.abs(off).max(initial=-math.inf))) for off in parts]
         rows.append([name, *cells[0], *cells[1]])
@@ -48,14 +53,16 @@ def parameters(found: Assessment) -> Table:
     """Return every parameter: in the file, by Klipper's criterion, by the estimate with its σ."""
     rows = []
     for of in found.answer["parameters"]:
-        scale, unit = UNITS[of["unit"]]
-        name = Cell(f"{of['name']} ({of['unit']})", {"parameter": of["name"], "unit": unit})
+        name = named("parameter", of["name"], of["unit"])
         decimals = 3 if of["now"] is None else 4
-        values = [cell(of[key], decimals, scale) for key in ("now", "klipper", "estimate")]
-        sigma = [cell(of[key], 3, scale) for key in ("prior_sigma", "sigma")]
+        values = [cell(of[key], decimals) for key in ("now", "klipper", "estimate")]
+        sigma = [cell(of[key]) for key in ("prior_sigma", "sigma")]
         rows.append([name, *values, *sigma, of["verdict"]])
-    header = ["parameter", "file", "Klipper's", "estimate", "assumed σ", "σ", "verdict"]
-    return Table("parameters", "Parameters, in the file's own terms", header, rows)
+    fit, title = "Klipper's", "Parameters, in the file's own terms"
+    if found.other:
+        fit, title = "fit", "Parameters; towers a, b, c are X, Y, Z"
+    header = ["parameter", "file", fit, "estimate", "assumed σ", "σ", "verdict"]
+    return Table("parameters", title, header, rows)
 
 
 def held_out(found: Assessment) -> Table:
@@ -71,7 +78,7 @@ def bed(found: Assessment) -> Table:
     """Return the expected errors over the bed with the file's parameters and with the estimate."""
     rows = [
         [name, *map(cell, found.answer["bed"][key]["rms_mm"])]
-        for name, key in zip(FITS, ("now", "", "after"), strict=True)
+        for name, key in zip(_names(found), ("now", "", "after"), strict=True)
         if key
     ]
     header = ["expected error", "x rms (mm)", "y rms (mm)", "z rms (mm)"]
@@ -103,6 +110,8 @@ def points_text(found: Assessment) -> str:
 
     DELTA_CALIBRATE replaces the heights that it probed earlier, but none read by hand.
     """
+    if found.other:
+        raise InputError(f"--points: is for Klipper; with {found.other} probe the places of --plan")
     probed = [of["steps"][0] for of in found.answer.get("readings", ()) if of["probed"]]
     before = found.delta.positions(found.values, np.reshape(probed, (-1, 3)))[0] / MM
     new = [step["ends_mm"][0] for step in found.answer["plan"] if step["reading"] == "height"]
@@ -123,10 +132,10 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else math.nan
 
 
-def cell(value: float | None, decimals: int = 3, scale: float = 1.0) -> Cell:
-    """Return a cell whose data is scaled; empty if there is no number."""
+def cell(value: float | None, decimals: int = 3) -> Cell:
+    """Return a cell, empty if there is no number."""
     value = math.nan if value is None else value
-    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", scale * value)
+    return Cell(f"{value:.{decimals}f}" if math.isfinite(value) else "", value)
 
 
 def _without_empty(table: Table) -> Table:

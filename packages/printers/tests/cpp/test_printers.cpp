@@ -66,16 +66,18 @@ TEST("where a print is on the bed is no error, and has no σ") {
 }
 
 TEST("the lines to send are read as the estimate, with equal rods where the firmware has one") {
-  for (const bool marlin : {true, false})
+  for (const Dialect& to : kDialects)
     for (const bool own_rods : {true, false}) {
       const Assessment found = assess(real("fzechert"), {});
       const Delta& delta = found.printer.delta;
       const Vector p = own_rods ? found.estimate.theta : with_equal_rods(found.estimate, delta);
       CHECK(rms(off_by(found.printer, p)) < 1.5 * rms(found.fits[2]));
       string sent;
-      for (const string& line : lines_to_send(p, marlin, own_rods)) sent += line + "\n";
-      Config config =
-          read(sent + (marlin ? "Bed X: 0 Y: 0 Z: 0" : "G30 P0 X0 Y0\nbed probe heights: 0"), 0);
+      for (const string& line : lines_to_send(p, to, own_rods)) sent += line + "\n";
+      constexpr const char* probed[] = {"Bed X: 0 Y: 0 Z: 0", "G30 P0 X0 Y0\nbed probe heights: 0",
+                                        "PROBE: X0, Y0, Z0", "Z-probe:0 X:0 Y:0"};
+      Config config = read(sent + probed[&to - kDialects], 0);
+      CHECK(config.kind == to.kind);
       CHECK_NEAR((printer_of(config).theta - p).cwiseAbs().maxCoeff(), 0, 2e-5);
     }
 }
@@ -121,6 +123,9 @@ TEST(
                        "M665 L200 R100 H200\nBed probe heights: 0.1 0.2",
                        "G33\n.Height:\nM665 L200:1 R100 H200\n x:1 x:1\nM502\nc:0",
                        "M665L200 R100 H2 A B:\nG30 P\nEndstop adjustments X,\nG31 X",
+                       "M665 L200 R100 H200\nheight map file\nx\n1,2,3,4,5,6,7,8\n0,1,x,\n1,1",
+                       "arm_radius 100\narm_length 200\nM665 Z200\nG29.1\nX1 Y Z2\nX:1 A: B:",
+                       "EPR:3 881 200\nEPR:\nEPR:3\nM206 X\nZ-probe:1 X:1 zCorr:1",
                        string(2000000, 'x'),
                        string(10000000, '\n') + log};
   const long count = check::sample_size(60);

@@ -25,6 +25,7 @@ from truepose.faults.fault import Fault, in_core
 from truepose.robot import knowledge
 from truepose.robot.batches import as_row
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import printed
@@ -106,9 +107,12 @@ class StartTest(Shown):
 
     def table(self) -> Table:
         """Return one row per reading: its scale, and σ, and its motor's largest torque."""
-        rows = []
+        rows, units = [], reading_units(self.robot)
         for k, name in enumerate(self.robot.readings):
-            most = number(self.torque[k]) if k < self.robot.m else Cell("", None)
+            most = Cell("", {})
+            if k < self.robot.m:
+                unit = "N·m" if units[k] == "rad" else "N"
+                most = Cell(number(self.torque[k]), {f"torque ({unit})": float(self.torque[k])})
             known = self.sigma[k] < _KNOWN
             values = (self.scale[k], self.sigma[k])
             shown = [f"{value:.2f}" if known else Cell("?", None) for value in values]

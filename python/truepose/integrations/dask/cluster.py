@@ -21,7 +21,7 @@ def executor(cluster: Any, asked: Asked, retries: int) -> Iterator[tuple[Submit,
     Workers must have the local versions. `asked` is sent once, as the result of a task: a worker
     gets it from another one, and it is sent again if all that have it are lost.
     """
-    missing = "study: dask is not installed; pip install 'truepose[cluster]'"
+    missing = "study: dask is not installed; pip install distributed pyarrow"
     Client = package("distributed", missing).Client
     with contextlib.ExitStack() as stack:
         client = cluster

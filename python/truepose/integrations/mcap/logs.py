@@ -70,7 +70,7 @@ class _Ros:
     def cells(self, schema: Any, topic: str, data: bytes) -> dict[str, float]:
         """Return a message's numbers: of a JointState by joint, else by topic and field."""
         if self._store is None:
-            missing = f"{self._path}: ROS 2 messages need rosbags: pip install 'truepose[ros]'"
+            missing = f"{self._path}: ROS 2 messages need rosbags: pip install rosbags"
             package("rosbags.typesys", missing)
             from rosbags.typesys import Stores, get_typestore
 
@@ -156,6 +156,6 @@ def write(path: Path, listed: list[Column]) -> bytes:
 
 def _mcap(path: Path) -> Any:
     """Return the package mcap with its modules reader and writer."""
-    missing = f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs no package"
+    missing = f"{path}: MCAP needs mcap: pip install mcap; CSV needs no package"
     package("mcap.reader", missing)
     return package("mcap.writer", missing)

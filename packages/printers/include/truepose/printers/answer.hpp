@@ -1,4 +1,5 @@
-// The assessment of a printer as JSON (packages/printers/docs/delta-printer.md lists its members).
+// The assessment of a printer as JSON (packages/printers/docs/delta-printer.md describes its
+// members).
 #pragma once
 
 #include "truepose/printers/assess.hpp"
@@ -22,13 +23,13 @@ inline Vector with_equal_rods(const Estimate& of, const Delta& delta) {
   return of.theta - gain * (D * gain).ldlt().solve(D * of.theta);
 }
 
-/// Lines for printer.cfg, or commands for Marlin and RepRapFirmware.
+/// Lines for printer.cfg, or commands for another firmware.
 inline vector<string> lines_of(const Assessment& of) {
   const Config& config = of.config;
   if (config.kind != "klipper")
     return lines_to_send(
         config.own_rods ? of.estimate.theta : with_equal_rods(of.estimate, of.printer.delta),
-        config.kind == "marlin", config.own_rods);
+        dialect_of(config.kind), config.own_rods, kMm / of.printer.delta.step[0]);
   vector<string> lines;
   string section;
   const auto changes = changes_of(of);
@@ -115,7 +116,9 @@ inline string answer(string_view text, const Request& request) {
   Json json;
   if (!of.config.error.empty()) return json.object("error", one_line(of.config.error, 2000)).text();
   const Delta& delta = of.printer.delta;
-  json.open('{').members("kind", of.config.kind, "kinematics",
+  const bool klipper = of.config.kind == "klipper";
+  json.open('{').members("kind", of.config.kind, "firmware",
+                         klipper ? "Klipper" : dialect_of(of.config.kind).name, "kinematics",
                          delta.rotary ? "rotary_delta" : "delta", "p",
                          of.printer.theta.head(delta.count()), "step", delta.step, "notes",
                          of.notes, "assumptions", of.assumptions);

@@ -7,7 +7,21 @@
 
 namespace truepose::printers {
 constexpr double kRefit = 0.98, kNothing = 1e-6, kTheSame = 1e-6, kWorse = 1.15;
-constexpr char kWhere[] = "[delta_calibrate] ";
+constexpr char kWhere[] = "[delta_calibrate] ", kKlippers[] = "Klipper's criterion";
+/// Klipper's words, and those for other firmwares.
+constexpr pair<const char*, const char*> kOtherWords[] = {
+    {kWhere, ""},
+    {"microsteps, gear and rotation_distance", "the steps per mm"},
+    {"microsteps or rotation_distance", "the steps per mm"},
+    {kTakeOut, "take its line out"},
+    {"Klipper's z", "the fit's z"},
+    {kKlippers, "a fit of radius, angles and endstops"},
+    {"he file's parameters", "he settings"},
+    {"the file's", "the text's"},
+    {"the file, which", "the text, which"},
+    {"; distances on a print would tell more", ""},
+};
+constexpr double kClear = 0.5;   ///< share of the residuals that a remedy leaves at most
 constexpr double kUnseen = 0.1;  ///< share of the noise below which no difference is named
 constexpr double kIdentified = 0.3, kBarely = 0.9;  ///< largest posterior over prior σ
 
@@ -87,6 +101,45 @@ inline string departing(const Assessment& of) {
   return reading.name + format(" = %.6g: %+.2f mm off what all else says, ± %.2f",
                                reading.value / kMm, of.judged.off[k] / kMm,
                                of.judged.scale[k] / kMm);
+}
+
+/// What makes Klipper's file unfit for its own readings, with the remedy; empty if it is not known.
+/// A value in the main section overrides that of SAVE_CONFIG; angles as nominal: only endstops, or
+/// endstops and radius, were calibrated.
+inline string diagnosis(const Assessment& of) {
+  if (of.config.kind != "klipper" || of.as_klipper || of.as_good || of.as_theirs) return {};
+  const auto uneven = [&](const Vector& off) {  // less a common shift, which is the Z offset's
+    const Vector z = off.head(of.heights());
+    return sqrt((z.array() - z.mean()).square().sum() / double(z.size() - 1));
+  };
+  const double now = uneven(of.fits[0]);
+  Config saved = of.config;
+  string places;
+  for (const auto& [place, value] : of.config.saved)
+    if (string& own = saved.values[place]; own != value) {
+      places += (places.empty() ? "[" : ", [") + place.first + "] " + place.second + " = " +
+                one_line(own) + " (saved: " + one_line(value) + ")";
+      own = value;
+    }
+  const double then = places.empty() ? kNaN : uneven(off_by(of.printer, printer_of(saved).theta));
+  const auto becomes = [&](double then_) {
+    return ". Heights are then even to " + shown_mm(then_) + " mm rms, now to " + shown_mm(now);
+  };
+  if (then < kClear * now)
+    return "The main section overrides what SAVE_CONFIG wrote: " + places +
+           ". Comment these lines out and restart" + becomes(then);
+  const Delta& delta = of.printer.delta;
+  bool nominal = !delta.rotary;
+  for (int i = 0; i < 3; ++i)
+    nominal =
+        nominal && fabs(of.printer.theta[delta.angle() + i] / kDegree - kTurns[0][i]) < kTheSame;
+  if (const double least = uneven(of.fits[1]); nominal && least < kClear * now)
+    return format(
+               "Only the endstops are calibrated: the towers' angles are the drawing's "
+               "(delta_radius = %.6g). Run DELTA_CALIBRATE and SAVE_CONFIG, or use the estimate",
+               of.printer.theta[0] / kMm) +
+           becomes(least);
+  return {};
 }
 
 /// Whether the file's parameters are the fit of its readings.
@@ -173,25 +226,30 @@ inline string use(Assessment& of, const string& steps) {
   const double before = of.before.rms().norm(), after = of.after.rms().norm();
   const string errors =
       "expected error over the bed " + shown_mm(before) + " mm with the file's parameters";
-  const string keep = "Keep the file's parameters: " + errors;
+  const string keep = "Keep the file's parameters: ";
+  if (const string said = diagnosis(of); !said.empty()) {
+    of.rely = true;
+    return said;
+  }
   if (of.held_out.empty() || of.after.rms()[2] > kLayer)
     return "Read more heights before anything rests on this calibration (--plan 6 says which): " +
            errors + ", " + shown_mm(after) + " with the estimate";
   of.rely = true;
   if (!isfinite(before))
     return "Use the estimate: with the file's parameters the nozzle does not reach the bed";
+  if (of.as_theirs) return keep + "they are the estimate; " + errors;
+  if ((of.as_klipper || of.as_good) && unlike_arms(of.printer.delta, of.printer.theta).empty())
+    return keep + "they fit the readings, and the estimate predicted other sessions of real " +
+           "printers no better (" + errors + ", " + shown_mm(after) + " with it)";
   const Residuals& theirs = of.extended() ? of.way("Klipper's") : of.held_out[0];
   const double ours = rms_finite(of.way(kEstimate).off), by_theirs = rms_finite(theirs.off);
   const string left_out = "readings that were left out are predicted to " + shown_mm(ours) +
                           " mm by the estimate and to " + shown_mm(by_theirs) + " by " +
                           theirs.name;
   if (ours > kWorse * by_theirs)
-    return string(of.as_klipper || of.as_good ? "Keep the file's" : "Use Klipper's") +
-           " parameters, and look " + arms + ": " + left_out;
-  if (of.as_theirs) return keep + ", which are the estimate";
+    return "Check " + arms + " before you use the estimate: " + left_out;
   if (before < kWorse * after)
-    return keep + ", " + shown_mm(after) +
-           " with the estimate, which the readings do not tell apart";
+    return keep + errors + ", " + shown_mm(after) + " with the estimate: too small a difference";
   return "Use the estimate: " + errors + ", " + shown_mm(after) + " with it; " + left_out;
 }
 
@@ -244,13 +302,13 @@ inline void assess_readings(Assessment& of, auto&& stop) {
   of.as_theirs = (theta - of.printer.theta).head(delta.count()).cwiseAbs().maxCoeff() < kTheSame;
   of.verdict =
       use(of, outlier || of.judged.scattered ? wrong_steps(of.printer, kRival * most, 3) : "");
-  for (const string& line : {fit_in_words(of), distances_in_words(of), noise_in_words(of),
-                             missing_in_words(of), of.verdict})
+  for (const string& line : {of.verdict, fit_in_words(of), missing_in_words(of),
+                             distances_in_words(of), noise_in_words(of)})
     if (!line.empty()) of.words.push_back(line);
 }
 
-/// Assess a printer from its text. Config::error of the result is one line on what is wrong in it.
-inline Assessment assess(string_view text, const Request& request) {
+/// An assessment in Klipper's words.
+inline Assessment assessed(string_view text, const Request& request) {
   Assessment of;
   Config& config = of.config = read(text, request.probe_radius);
   if (config.error.empty()) of.printer = printer_of(config);
@@ -272,8 +330,8 @@ inline Assessment assess(string_view text, const Request& request) {
     for (const string& gap : of.printer.gaps) said += ". And " + gap;
     if (!arms.empty()) said += ". And " + arms;
     if (config.kind != "klipper")
-      said = format("%d probed points: %d at least, better 13, by %s", heights, kFewest,
-                    config.kind == "marlin" ? "G30 X… Y…" : "bed.g");
+      said = format("%d probed points: 3 at least, 13 are better; for %s give %s", heights,
+                    dialect_of(config.kind).name, dialect_of(config.kind).probing);
     config.fail(said);
     return of;
   }
@@ -288,10 +346,11 @@ inline Assessment assess(string_view text, const Request& request) {
   for (int i = 0; i < 3; ++i)
     if (!isfinite(delta.homed(of.prior.mean, i)))
       stop("an arm does not reach the middle at its endstop");
+  const bool heights_alone = request.heights_alone || config.kind != "klipper";
   const int enough = of.read ? 0 : int(adjusted(delta, false).cols()) + 1;
   if (enough) {
     of.estimate = estimate(delta, {}, of.prior, request.assumed);
-    if (!request.heights_alone)
+    if (!heights_alone)
       of.assumptions.push_back(format(
           "Heights come first, %d of them, one more than Klipper adjusts parameters by: before "
           "that nothing can be printed",
@@ -301,12 +360,27 @@ inline Assessment assess(string_view text, const Request& request) {
   }
   if (request.next == 0 || !config.error.empty()) return of;
   of.plan = next_readings(of.printer, of.estimate, of.found_noise, request.next,
-                          request.heights_alone ? request.next : enough);
+                          heights_alone ? request.next : enough);
   if (of.plan.empty())
     stop("the nozzle cannot be over the bed");
   else if (int(of.plan.size()) <= request.next)
     stop(format("--plan %d: only %d candidates are reachable", request.next,
                 int(of.plan.size()) - 1));
+  return of;
+}
+
+/// Assess a printer from its text, in the words of its firmware. Config::error of the result is one
+/// line on what is wrong in it.
+inline Assessment assess(string_view text, const Request& request) {
+  Assessment of = assessed(text, request);
+  if (of.config.kind == "klipper") return of;
+  const auto say = [](string& line) {
+    for (const auto& [from, to] : kOtherWords) line = replaced(line, from, to);
+  };
+  for (vector<string>* all : {&of.notes, &of.words, &of.assumptions})
+    std::for_each(all->begin(), all->end(), say);
+  say(of.config.error);
+  say(of.verdict);
   return of;
 }
 }  // namespace truepose::printers

@@ -35,7 +35,7 @@ inline vector<string> parts_of(string_view text, char by) {
 
 /// A configuration. The first error found by any function is kept; results after it are NaN.
 struct Config {
-  string kind = "klipper";  ///< or "marlin", "rrf"
+  string kind = "klipper";  ///< or a dialect's
   bool log = false;         ///< of a klippy.log
   bool own_rods = true;     ///< the firmware has a rod length for each tower
   vector<string> lines;
@@ -45,6 +45,7 @@ struct Config {
   map<Place, double> off;  ///< first number commented out in the file's own part
   string included;         ///< names of files
   vector<string> notes;
+  vector<string> names;  ///< of the heights; empty: as in the file
   string error;
 
   void fail(const string& text) {

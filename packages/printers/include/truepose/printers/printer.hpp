@@ -153,19 +153,26 @@ inline void read_nominal(const Config& config, Printer& printer) {
     };
     printer.nominal[k] = commented(kNominal + of.place.second);
     if (k < delta.rod() || k >= delta.endstop()) continue;
-    by_hand = by_hand || (config.has(of.place) && !config.saved.contains(of.place));
+    const auto saved = config.saved.find(of.place);
+    by_hand = by_hand || (config.has(of.place) && (saved == config.saved.end() ||
+                                                   saved->second != config.values.at(of.place)));
     const double value = commented(of.place.second);
     if (isnan(value)) continue;
     was = value;
-    printer.arm_said = "[" + of.place.first + "] " + of.place.second + " before it was replaced";
+    const double now = printer.theta[k] / kMm;
+    printer.arm_said =
+        "[" + of.place.first + "] " + of.place.second + " before " +
+        (fabs(now - value / kMm) < 1e-6 ? string("it was replaced")
+                                        : format("SAVE_CONFIG's %.7g replaced it", now));
   }
   if (!by_hand && !isnan(was)) {
     printer.arm = was;
     return;
   }
   printer.arm = rods[1];
-  printer.arm_said = rods[0] == rods[2] ? "the file, which has one for all"
-                                        : "the middle one of the file's: --arm says better";
+  printer.arm_said = (rods[0] == rods[2] ? string("the file, which has one for all")
+                                         : "the middle one of the file's: --arm says better") +
+                     (isnan(was) ? "" : format("; the commented %.7g does not count", was / kMm));
 }
 
 /// A message if the arms differ implausibly, else empty.
@@ -195,6 +202,7 @@ inline void read_readings(Config& config, Printer& printer) {
                              "counts, " + place(last).second + " neither");
     for (int k = 0; k < min(count, kMostReadings); ++k) {
       Reading of{place(k).second, stem[0] == 'd', stem[0] == 'h'};
+      if (of.probed && size_t(k) < config.names.size()) of.name = config.names[size_t(k)];
       of.value = kMm * config.number(place(k), of.distance ? 0 : -kLargest);
       for (int end = 0; end <= of.distance; ++end) {
         const Place at = place(k, !of.distance ? "_pos" : end ? "_pos2" : "_pos1");

@@ -1,14 +1,13 @@
-// Session of a Marlin or RepRapFirmware printer, read in order: settings, and probings under them.
+// Session of a printer, read in order: settings, and probings under them.
 //
 // A probing belongs to the settings in force when it was taken. M665, M666 and the like set them,
-// sent or printed; so do the lines of G33 (".Height: … Radius: …") and the answers of
-// RepRapFirmware's M665 and M666. G33 without V0 and G32 with calibration change them, M501 and
-// M502 load others: these are unknown until they are printed. (Marlin/src/gcode/calibrate/G33.cpp,
-// RepRapFirmware/src/Movement/Kinematics/LinearDeltaKinematics.cpp)
+// sent or printed; so do the lines of Marlin's G33 (".Height: … Radius: …"), the answers of
+// RepRapFirmware's M665 and M666, Smoothieware's configuration and Repetier's M205. A calibration
+// by the printer changes them, M501 and M502 load others: these are unknown until they are printed.
 #pragma once
 
-#include "truepose/printers/config.hpp"
 #include "truepose/printers/delta.hpp"
+#include "truepose/printers/dialects.hpp"
 
 namespace truepose::printers {
 /// Whether a place of a text is the begin of a word.
@@ -37,17 +36,17 @@ inline vector<double> numbers(string_view text, size_t& at, double& unit) {
 
 using Words = map<string, vector<double>>;  ///< "M665 L": values. mm, degrees
 
-/// A command that sets where the nozzle is, its words that are used, and those without influence on
-/// heights and geometry, "*" all others: steps cancel, Marlin's H includes M206 Z.
+/// A command that sets where the nozzle is, and its words without influence on heights and geometry
+/// that any dialect has, "*" all: steps cancel.
 struct Command {
-  string_view name, used, idle;
+  string_view name, idle;
   double neutral = 0;  ///< value at which any other word has no influence
 };
 constexpr Command kCommands[] = {
-    {"M665", "LRHXYZABC", "S"}, {"M666", "XYZAB", ""}, {"M92", "XYZ", "*"}, {"M851", "XYZ", ""},
-    {"G31", "XYZ", "*"},        {"M206", "", ""},      {"M290", "", "R"},   {"M556", "", "SP"},
-    {"M579", "", "P", 1},       {"M669", "", "ST", 3}, {"M852", "", ""},    {"G30", "", "*"},
-    {"G33", "", "*"},           {"M501", "", "*"},     {"M502", "", "*"},
+    {"M665", ""},  {"M666", ""},  {"M92", "*"},   {"M851", "XYZ"},  {"G31", "*"},
+    {"M206", ""},  {"M290", "R"}, {"M556", "SP"}, {"M579", "P", 1}, {"M669", "ST", 3},
+    {"M852", ""},  {"G30", "*"},  {"G33", "*"},   {"G32", "*"},     {"G100", "*"},
+    {"G132", "*"}, {"M501", "*"}, {"M502", "*"},  {"EPR", "*"},
 };
 inline const Command* command_of(string_view name) {
   const auto at = std::find_if(std::begin(kCommands), std::end(kCommands),
@@ -80,12 +79,31 @@ constexpr struct {
     {"ndstop adjustments ", " Z", "M666 Z"},
     {"ndstop adjustments ", "tilt X", "M666 A"},
     {"ndstop adjustments ", "% Y", "M666 B"},
+    {"arm_length", "arm_length", "M665 L"},
+    {"arm_radius", "arm_radius", "M665 R"},
+    {"gamma_max", "gamma_max", "M665 Z"},
+    {"tower1_offset", "tower1_offset", "M665 A"},
+    {"tower2_offset", "tower2_offset", "M665 B"},
+    {"tower3_offset", "tower3_offset", "M665 C"},
+    {"tower1_angle", "tower1_angle", "M665 D"},
+    {"tower2_angle", "tower2_angle", "M665 E"},
+    {"tower3_angle", "tower3_angle", "M665 H"},
+    {"arm1_trim", "arm1_trim", "M665 I"},
+    {"arm2_trim", "arm2_trim", "M665 J"},
+    {"arm3_trim", "arm3_trim", "M665 K"},
+    {"alpha_trim", "alpha_trim", "M666 X"},
+    {"beta_trim", "beta_trim", "M666 Y"},
+    {"gamma_trim", "gamma_trim", "M666 Z"},
+    {"set trim to", "X:", "M666 X"},
+    {"set trim to", "Y:", "M666 Y"},
+    {"set trim to", "Z:", "M666 Z"},
+    {"Setting delta radius", "radius to:", "M665 R"},
 };
 
 /// Heights that were probed one after the other with the same settings.
 struct Probing {
-  string by;                              ///< "G30", "G33" or "G32"
-  vector<Vector3> bed;                    ///< x, y, z of Marlin's G30
+  string by;                              ///< "G33", "G32", or "G30": with their places
+  vector<Vector3> bed;                    ///< x, y, z of these
   map<string, double> g33;                ///< height by name
   vector<double> g32;                     ///< of RepRapFirmware
   map<int, pair<double, double>> places;  ///< of its G30 P…
@@ -109,12 +127,15 @@ class Session {
   vector<Probing> probings;
   Words words;               ///< at the end
   map<string, string> lost;  ///< at the end
-  bool seen = false;         ///< M665's L or R is there
+  bool seen = false;         ///< a length of the rods, a radius, an endstop or a height is there
 
-  explicit Session(string_view text) {
-    for (const string_view whole : lines_of(text)) line(whole.substr(0, whole.find(';')));
+  Session(string_view text, const Dialect& dialect) : of_(dialect) {
+    const char* comment = of_.relative ? ";#" : ";";
+    for (const string_view whole : lines_of(text))
+      line(whole.substr(0, whole.find_first_of(comment)));
     settle();
     for (Probing& each : probings) {
+      seen = seen || each.by != "G33";
       // Printed for the first time later, and not changed before: already in force.
       for (const auto& [word, values] : first_)
         if (!each.lost.contains(word)) each.words.try_emplace(word, values);
@@ -123,15 +144,18 @@ class Session {
   }
 
  private:
+  const Dialect& of_;
   Words first_;  ///< of words that were printed before they were changed
   map<int, pair<double, double>> places_;
   map<char, double> options_;
   double radius_ = 0;
   int state_ = 0;
   bool calibrating_ = false;  ///< G33 was sent without V0, and its result is not printed yet
+  int map_ = 0;               ///< line of RepRapFirmware's height map; 0: none
+  double grid_[4] = {};       ///< its first x, first y, distances
 
   void set(const string& word, vector<double> values, double unit, bool sent) {
-    seen = seen || word == "M665 L" || word == "M665 R";
+    seen = seen || word == of_.rod || word == of_.radius || word == word_of(of_.end, 0);
     const auto now = words.find(word);
     if (now == words.end()) {
       if (!sent && !lost.contains(word))
@@ -159,11 +183,14 @@ class Session {
     calibrating_ = false;
     const bool g33 = by == "G33";
     const double points = g33 ? option_of(options_, 'P', 3) : 3;
-    lose("M665 H", by);
+    lose(of_.height, by);
     if (points == 1) return;
-    for (const char* word : {"M665 R", "M666 X", "M666 Y", "M666 Z"}) lose(word, by);
-    if (points >= 3 && !(g33 && options_.contains('T')))
-      for (const char* word : {"M665 X", "M665 Y", "M665 Z"}) lose(word, by);
+    lose(of_.radius, by);
+    for (int i = 0; i < 3; ++i) {
+      lose(word_of(of_.end, i), by);
+      if (points >= 3 && !(g33 && options_.contains('T'))) lose(word_of(of_.angle, i), by);
+      if (of_.eeprom()) lose(word_of(of_.trim, i), by);
+    }
   }
   void settle() {
     if (calibrating_) calibrated("G33");
@@ -185,20 +212,26 @@ class Session {
       vector<double> values = numbers(text, at, unit);
       if (values.empty() && name != "G33") break;
       own[letter] = values.empty() ? 1 : values[0];
-      if (name != "G30" && name != "G33") set(name + " " + letter, values, unit, sent);
+      if ((name[0] == 'M' || name == "G31") && !(name == "M206" && of_.eeprom()))
+        set(name + " " + letter, values, unit, sent);
     }
+    for (const char letter : {'X', 'S'})
+      if (name == "M206" && of_.eeprom() && own.contains(letter))
+        set(format("EPR %.0f", own['P']), {own[letter]}, 1, true);
+    if (of_.eeprom() && (name == "G100" || name == "G132" || (name == "G32" && own['S'] > 0)))
+      calibrated(name);
     if (name == "G30" && own.contains('P') && own.contains('X') && own.contains('Y')) {
       const int number = int(std::clamp(own['P'], -1.0, 1e6));
       if (number == 0) places_.clear();
       places_[number] = {own['X'], own['Y']};
-    } else if (name == "G33") {
+    } else if (name == "G33" && of_.kind == kDialects->kind) {
       calibrating_ = !own.contains('V') || own['V'] != 0;
       options_ = own;
       radius_ = 0;
       if (!probings.empty()) probings.back().state = -1;  // the next one is another
     } else if (name == "M501" || name == "M502") {
       for (const Words known = words; const auto& [word, _] : known)
-        if (word.starts_with("M665") || word.starts_with("M666") || word.starts_with("M851"))
+        if (word.starts_with("M66") || word.starts_with("M851") || word.starts_with("EPR"))
           lose(word, name);
     }
   }
@@ -212,6 +245,13 @@ class Session {
     };
     const bool sent = has("Send:") || has("SENDING:") || text.starts_with('>');
     if (has("nknown command")) return;
+    if (has("height map file"))
+      map_ = 1;
+    else if (map_)
+      return row(parts_of(text, ','));
+    if (has("Calibrating Endstops"))
+      for (int i = 0; i < 3; ++i) lose(word_of(of_.end, i), "G32");
+    if (has("Calibrating delta radius")) lose(of_.radius, "G32");
     if (has("Iteration :") || has("No convergence") || has("Calibration OK")) calibrated("G33");
     if (const auto factors = after("Calibrated "); has(" factors using ") && !factors.empty()) {
       calibrated("G32");
@@ -222,19 +262,42 @@ class Session {
     for (const auto& [in, label, word] : kPrinted)
       if (const auto values = after(label); has(in) && !values.empty())
         set(word, values, unit, false);
-    for (size_t at = text.find_first_of("MG"); at < text.size();
-         at = text.find_first_of("MG", at + 1)) {
-      const size_t end = min(text.find_first_not_of("0123456789.", at + 1), text.size());
-      const string name(text.substr(at, end - at));
-      if (begins(text, at) && command_of(name) && text.find(" Auto Calibrate", at) == text.npos)
-        command(name, text, end, sent);
+    if (const size_t at = text.find("EPR:"); at != text.npos && of_.eeprom()) {
+      const size_t next = text.find(' ', at);
+      const vector<string> parts = parts_of(text.substr(min(next, text.size())), ' ');
+      if (parts.size() > 2 && !isnan(number_of(parts[2])))
+        set("EPR " + parts[1], {number_of(parts[2])}, 1e-3, false);
     }
-    if (const size_t at = text.find("Bed X:"); at != text.npos) {
-      const auto x = after("Bed X:"), y = after("Y:", at), z = after("Z:", at);
-      if (!x.empty() && !y.empty() && !z.empty()) {
-        settle();
-        probing("G30").bed.emplace_back(x[0], y[0], z[0]);
-      }
+    string caps(text);  // commands may be typed in lower case
+    for (char& c : caps)
+      if (c >= 'a' && c <= 'z') c = char(c + 'A' - 'a');
+    for (size_t at = caps.find_first_of("MG"); at < caps.size();
+         at = caps.find_first_of("MG", at + 1)) {
+      const size_t end = min(caps.find_first_not_of("0123456789.", at + 1), caps.size());
+      const string name = caps.substr(at, end - at);
+      if (begins(caps, at) && command_of(name) && text.find(" Auto Calibrate", at) == text.npos)
+        command(name, caps, end, sent);
+    }
+    const auto point = [&](string_view in, const char* labels, double up = 1) {
+      const size_t at = text.find(in);
+      if (at == text.npos) return;
+      const vector<string> each = parts_of(labels, ' ');
+      const auto x = after(each[0], at), y = after(each[1], at), z = after(each[2], at);
+      if (x.empty() || y.empty() || z.empty()) return;
+      settle();
+      probing("G30").bed.emplace_back(x[0], y[0], up * z[0]);
+    };
+    point("Bed X:", "X: Y: Z:");
+    point("Bed Position X:", "X: Y: Z:");
+    if (of_.eeprom()) {
+      if (const auto map = after("zCorr:"); !map.empty() && map[0] != 0)
+        set("EPR zCorr", map, HUGE_VAL, false);
+      point("Z-probe:", "X: Y: Z-probe:", -1);  // the way down
+    } else if (of_.relative && !sent) {
+      if (has("PROBE: X") || (!has("X:") && text.find_first_of("GM") == text.npos))
+        point("X", "X Y Z");
+      else if (has(" A:") && has(" B:") && !has("C: X:"))
+        point("X:", "X: Y: Z:", -1);  // the way down
     }
     if (const size_t at = text.find("ed probe heights:"); at != text.npos) {
       vector<double>& heights = probing("G32", true).g32;
@@ -242,15 +305,36 @@ class Session {
       for (auto z = numbers(text, next, unit); !z.empty(); z = numbers(text, next, unit))
         heights.push_back(z[0]);
     }
-    for (const string point : {"c", "x", "y", "z", "yz", "zx", "xy"})
-      for (size_t at = text.find(point + ":"); !sent && at < text.size();
-           at = text.find(point + ":", at + 1))
-        if (const auto z = after(point + ":", at); begins(text, at) && !z.empty()) {
+    for (const string name : {"c", "x", "y", "z", "yz", "zx", "xy"})
+      for (size_t at = text.find(name + ":"); !sent && at < text.size();
+           at = text.find(name + ":", at + 1))
+        if (const auto z = after(name + ":", at); begins(text, at) && !z.empty()) {
           const bool again = !probings.empty() && probings.back().by == "G33" &&
-                             probings.back().g33.contains(point);
+                             probings.back().g33.contains(name);
           if (again) settle();
-          probing("G33", again).g33[point] = z[0];
+          probing("G33", again).g33[name] = z[0];
         }
+  }
+
+  /// A row of RepRapFirmware's height map: names, grid, then heights, "0" where none was probed.
+  void row(const vector<string>& parts) {
+    vector<double> values;
+    for (const string& part : parts)
+      if (const double value = number_of(part); !isnan(value)) values.push_back(value);
+    const size_t count = values.size();
+    if (map_ == 2 && (count == 8 || count == 9)) {
+      const double grid[] = {values[0], values[2], values[5], values[count - 3]};
+      std::copy(grid, grid + 4, grid_);
+      probing("G30", true);
+    } else if (map_ > 2 && count == parts.size() && count > 1) {
+      for (size_t k = 0; k < count; ++k)
+        if (trimmed(parts[k]) != "0")
+          probings.back().bed.emplace_back(grid_[0] + double(k) * grid_[2],
+                                           grid_[1] + (map_ - 3) * grid_[3], values[k]);
+    } else if (map_ > 1) {
+      map_ = -1;
+    }
+    ++map_;
   }
 };
 }  // namespace truepose::printers
