@@ -1,6 +1,6 @@
 """Tables of docs/guides/hexapod.md: held-out errors of a real hexapod's calibration.
 
-held_out.py [--seeds 20] [--drawn 1000] [--picture held-out.svg]      # three minutes on one core
+held_out.py [--seeds 20] [--sampled 1000] [--picture held-out.svg]      # three minutes on one core
 
 Jugglebot's 108 poses (robots/jugglebot/log.csv) are split into ninths. Each ninth is predicted from
 its motors by a calibration on the other eight, and compared with motion capture. Then its motors
@@ -118,7 +118,7 @@ def homed(
     )
 
 
-def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
+def sampled(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
     """Sample and calibrate a hexapod; return NEES/48 of ξ and errors at other poses."""
     rng, true = np.random.default_rng((0, seed)), robot.sample(seed)
     x, placed = workspace_samples(robot, POSES + OTHERS, rng), partial(frames.frames, robot)
@@ -167,7 +167,7 @@ def rms(values: np.ndarray) -> float:
 
 def main() -> None:
     """Print both tables."""
-    given = arguments(__doc__, seeds=20, drawn=1000, picture="")
+    given = arguments(__doc__, seeds=20, sampled=1000, picture="")
     seeds, shown = range(given.seeds), {}
     robot = tp.load("jugglebot")
     log = logs.read(robot, robotfile.shipped()["jugglebot"].parent / "log.csv")
@@ -202,11 +202,11 @@ def main() -> None:
         print(f"{name}: {np.median(ratio):.2f} (median of {len(seeds)}; {ratio.min():.2f} to "
               f"{ratio.max():.2f})")  # fmt: skip
 
-    if given.drawn:
+    if given.sampled:
         nees, each = [], []
-        for seed in range(given.drawn):
+        for seed in range(given.sampled):
             try:
-                squared, misses = drawn(robot, seed)
+                squared, misses = sampled(robot, seed)
             except tp.PoseError as error:
                 print(f"hexapod {seed}: {error}")
                 continue

@@ -20,9 +20,9 @@ _MOVE = 0.2  # s, of held motors to other positions
 
 
 class Settled(NamedTuple):
-    """Steady state of the nacelle with the motors held."""
+    """Steady state of the platform with the motors held."""
 
-    frame: Array  #: (..., 4, 4) of the nacelle in the base frame
+    frame: Array  #: (..., 4, 4) of the platform in the base frame
     x: Array  #: (..., n) its coordinates
     gap: Array  #: (...) largest gap of a loop, m
 
@@ -66,7 +66,7 @@ class Body:
             mujoco.mju_mat2Quat(qpos[3:], posture.R.ravel())
 
     def frame(self) -> Array:
-        """Return the nacelle's frame, (4, 4)."""
+        """Return the platform's frame, (4, 4)."""
         if self._own:
             return frames(self.robot, self.data.qpos[self._own])
         qpos, flat, frame = self.data.joint("nacelle").qpos, np.empty(9), np.eye(4)
@@ -75,7 +75,7 @@ class Body:
         return frame
 
     def coordinates(self) -> Array:
-        """Return the nacelle's coordinates x, (n,)."""
+        """Return the platform's coordinates x, (n,)."""
         return self.data.qpos[self._own] if self._own else coordinates(self.robot, self.frame())
 
     def positions(self) -> tuple[Array, Array]:

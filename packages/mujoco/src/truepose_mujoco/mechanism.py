@@ -35,7 +35,7 @@ class Mechanism:
         self.planar = robot.spec.mobility.startswith("planar")
         self.chains = robot.core.chain[: robot.m]
         self.bars = 1 + max(chain.bar for chain in self.chains)
-        #: The nacelle's joints at the coordinates x, unless it is a free body.
+        #: The platform's joints at the coordinates x, unless it is a free body.
         self.own_joints = [f"axis{j + 1}" for j in range(robot.core.axes)]
         if self.planar:
             self.own_joints = ["nacelle.x", "nacelle.y", "nacelle.theta"][: robot.n]
@@ -45,7 +45,7 @@ class Mechanism:
         points = [self.home.D]
         for i, chain in enumerate(self.chains):
             points += [chain["base"], self.elbow(i, 0, self.home), self.anchor(i, 0, self.home)]
-        self.outline = np.array(points)  #: points of base, arms and nacelle at home
+        self.outline = np.array(points)  #: points of base, arms and platform at home
         self.size = float(np.ptp(self.outline, axis=0).max())  #: m, which scales drawn thicknesses
 
     def rods(self, i: int) -> list[tuple[str, float]]:
@@ -72,7 +72,7 @@ class Mechanism:
         return Posture(x, frame[:3, 3], frame[:3, :3], turns - theta, position)
 
     def joints(self, at: Posture) -> dict[str, float]:
-        """Return the positions of MuJoCo's joints by name, except the free nacelle's."""
+        """Return the positions of MuJoCo's joints by name, except the free platform's."""
         joints = dict(zip(self.own_joints, map(float, at.x), strict=False))
         joints |= {f"bar{k + 1}": float(angle) for k, angle in enumerate(at.psi)}
         for i in range(self.robot.m):
@@ -85,13 +85,13 @@ class Mechanism:
         return joints
 
     def anchor(self, i: int, side: float, at: Posture) -> Array:
-        """Return a rod's end on the nacelle."""
+        """Return a rod's end on the platform."""
         chain = self.chains[i]
         body = at.R if chain.bar < 0 else at.R @ turn(2, at.psi[chain.bar])
         return at.D + at.R @ chain.pivot + body @ self.on_bar(i, side)
 
     def on_bar(self, i: int, side: float) -> Array:
-        """Return the vector from the bar's or the chain's pivot on the nacelle to a rod's end."""
+        """Return the vector from the bar's or the chain's pivot on the platform to a rod's end."""
         chain = self.chains[i]
         return chain.anchor + 0.5 * side * chain.rod_spacing * chain.pair_drawn
 

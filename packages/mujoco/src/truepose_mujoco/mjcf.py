@@ -184,7 +184,7 @@ class Model(Mechanism):
         add(tip, "site", name=f"{rod}.end")
 
     def _nacelle(self, world: ET.Element) -> None:
-        """Add the nacelle, its lateral bars and the rods' ends on them."""
+        """Add the platform, its lateral bars and the rods' ends on them."""
         home, size, centre = self.home, self.size, self.robot.core.body[0]
         body = add_body(world, "nacelle", home.D, home.R)
         self._freedom(body)
@@ -207,7 +207,7 @@ class Model(Mechanism):
                 capsule(on, kind, middle + chain.anchor, end, size / 80)
 
     def _freedom(self, body: ET.Element) -> None:
-        """Add the nacelle's joints without rods: planar, on passive axes, or free."""
+        """Add the platform's joints without rods: planar, on passive axes, or free."""
         home, rub = self.home, self.effects.joint_friction
         if not self.own_joints:
             add(body, "freejoint", name="nacelle")
@@ -298,7 +298,7 @@ def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIME
     """Return the MJCF of a robot at home with closed loops.
 
     `robot` has the bodies' parameter values; friction and compliance of `effects` are included,
-    default none; `timestep` is in s. InputError: the rods leave a body of the nacelle free.
+    default none; `timestep` is in s. InputError: the rods leave a body of the platform free.
 
     Examples
     --------

@@ -69,7 +69,7 @@ class MujocoPlant:
         return Body(self.effects.geometry(self.truth, time, self.seed), self.effects, self.timestep)
 
     def settle_at(self, q: ArrayLike) -> Settled:
-        """Hold the motors at readings q (..., n) and return the steady state of the nacelle.
+        """Hold the motors at readings q (..., n) and return the steady state of the platform.
 
         The motors move there from home on a straight line, which keeps the working mode. PoseError:
         the loops do not close there, or the robot does not come to rest.
@@ -131,7 +131,7 @@ class _Drive:
         self.seed, self.cycles = seed, 0
         in_cycles = in_core(plant.truth, plant.faults, self.period)
         self.faults = _core.FaultyReadings(in_cycles, self.period)
-        # A geared encoder is on the tool's axis, so backlash is between it and the nacelle.
+        # A geared encoder is on the tool's axis, so backlash is between it and the platform.
         gains = plant.truth.parameters
         geared = [gains[f"{s.name}.gain"].value if s.geared else 0.0 for s in robot.spec.used]
         self.geared = np.array([0.0] * robot.m + geared)
