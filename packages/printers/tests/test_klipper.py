@@ -9,8 +9,10 @@ from printer_trials import ASSUMED, made
 
 import truepose as tp
 from truepose_printers.assessment import DEGREE, MM, assess
-from truepose_printers.review import UNITS, rms
+from truepose_printers.review import rms
 
+#: The units of the answer in SI.
+UNITS = {"mm": MM, "°": DEGREE, "%": 0.01}
 #: z rms that Klipper's parameters leave, mm.
 LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}
 
@@ -42,7 +44,7 @@ def test_a_nozzle_is_where_its_motors_bring_it_and_its_slopes_are_finite_differe
 def test_the_estimate_minimises_its_own_cost_and_has_the_covariance_of_that(kinematics):
     found = assess(made_text(kinematics, 3)[0])
     rows = found.answer["parameters"]
-    scale = np.array([UNITS[row["unit"]][0] for row in rows])
+    scale = np.array([UNITS[row["unit"]] for row in rows])
     mean, sigma = (
         scale * np.array([row[key] for row in rows], dtype=float)
         for key in ("prior", "prior_sigma")
