@@ -210,6 +210,6 @@ def no_attribute(of: str, name: str, known: list[str]) -> str:
     """Return the message that a module or class has no such attribute, with its new name."""
     if new := NAMES.get(of, {}).get(name):
         return _now(f"{of}.{name}", new)
-    near = difflib.get_close_matches(name, known, 1)
+    near = difflib.get_close_matches(name, [each for each in known if each[0] != "_"], 1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     return f"{of} has no attribute '{name}'{hint}"

@@ -105,14 +105,14 @@ def table_of(text: str) -> dict:
 
 def _shown(text: str, error: str) -> str:
     """Return an error of the parser with the line that it is about, and a likely mistake."""
-    at = re.search(r"line (\d+)", error)
-    line = text.splitlines()[int(at[1]) - 1].strip() if at else ""
+    at = re.search(r"\(at line (\d+)", error)
+    line = text.split("\n")[int(at[1]) - 1].strip() if at else ""
     hint = ""
     if re.match(r"[^\"'#]*=\s*[-+]?\d+,\d", line):
         hint = "; decimals need a point"
     elif re.match(r"[^\"'#]*=\s*[A-Za-z]", line):
         hint = "; a text needs quotes"
-    elif line.count(",") and "=" not in line:
+    elif "," in line and error.startswith("Expected '='"):  # a header
         hint = "; a log of readings is no robot file: give the robot first"
     return f"{error}: {one_line(line, LINE)}{hint}" if line else error
 

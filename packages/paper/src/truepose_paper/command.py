@@ -48,9 +48,8 @@ def command(
 
     start = time.perf_counter()
     with report.folder(out, force) as work, progress("robots") as bar:
-        kept = out.absolute()
-        kept = kept.with_name(f"{kept.name}.parts.jsonl")
-        parts = Parts(kept, robots=robots, seed=seed, full=full)
+        beside = out / "parts.jsonl" if out.exists() else out.with_name(f"{out.name}.parts.jsonl")
+        parts = Parts(beside, robots=robots, seed=seed, full=full)
 
         def step(what: str, done: int, total: int) -> None:
             bar(description=what, completed=done, total=total)

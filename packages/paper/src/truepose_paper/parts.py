@@ -27,7 +27,7 @@ class Parts:
         self._known: dict[str, Any] = {}
         if path is None:
             return
-        with contextlib.suppress(OSError, ValueError):  # no file yet; a line that was cut
+        with contextlib.suppress(OSError, TypeError, ValueError):  # no file; a cut line
             first, *lines = path.read_text(encoding="utf-8").splitlines()
             for line in lines if first == self._head else ():
                 key, value = json.loads(line)
