@@ -75,7 +75,7 @@ def test_what_a_robot_hands_out_cannot_change_it(h4):
     assert h4.home.tolist() == [0, 0, -0.4, 0] and len(h4.parameters) > 40
     with pytest.raises(AttributeError):
         h4.n = 5
-    with pytest.raises(ValueError, match="frozen"):
+    with pytest.raises(AttributeError, match="with_file"):
         h4.spec.name = "h5"
 
 

@@ -64,7 +64,7 @@ def test_of_a_robot_homed_anew_only_the_zeros_are_known_less(held_out, jugglebot
 
 def test_hexapods_that_a_tracker_sees_keep_to_their_sigma(held_out, jugglebot):
     """Parameters and poses predicted elsewhere; 60 of the 1000 of docs/guides/hexapod.md."""
-    nees, each = zip(*(held_out.drawn(jugglebot, seed) for seed in range(60)), strict=True)
+    nees, each = zip(*(held_out.sampled(jugglebot, seed) for seed in range(60)), strict=True)
     assert np.mean(nees) == pytest.approx(1, abs=4 * np.sqrt(2 / 48 / len(nees)))
     assert held_out.over_bound(each) == pytest.approx(np.ones(6), abs=0.2)
     assert np.mean([m.nees.mean() for m in each]) == pytest.approx(1, abs=0.15)

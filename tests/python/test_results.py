@@ -172,13 +172,17 @@ def test_parameters_go_into_a_data_frame(h4, package):
     frame = frames.DataFrame(h4.table())
     assert list(frame.columns) == ["name", "value", "unit", "sigma"]
     assert list(frame["name"]) == list(h4.parameters)
-    assert list(frame["value"]) == [p.value for p in h4.parameters.values()]
-    assert list(frame["sigma"]) == [p.sigma for p in h4.parameters.values()]
-    assert set(frame["unit"]) == {"m", "rad", ""}
+    factors = {unit: factor for factor, unit in PRINT.values()}
+    factor = [factors[unit] for unit in frame["unit"]]
+    assert set(frame["unit"]) == {"mm", "°", ""}
+    for column in ("value", "sigma"):
+        own = [getattr(p, column) for p in h4.parameters.values()]
+        assert list(frame[column]) == [f * of for f, of in zip(factor, own, strict=True)]
     fit = tp.calibrate(h4, h4.expected().read(poses_of(h4)))
     learnt = frames.DataFrame(fit.table())
     assert list(learnt["parameter"]) == list(fit.names)
-    assert list(learnt["value"]) == [p.value for p in fit.parameters.values()]
+    shown = zip(learnt["value"], learnt["unit"], fit.parameters.values(), strict=True)
+    assert all(value == factors[unit] * p.value for value, unit, p in shown)
 
 
 def test_what_is_computed_from_an_accuracy_is_a_plain_array(h4):

@@ -19,9 +19,8 @@ from truepose.robot.dynamics import Dynamics
 from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.redundancy import AssemblyModes, Estimate
 from truepose.robotfile.to_core import units_in
-from truepose.show import PRINT, Cell, Shown, Table, figure_of
+from truepose.show import PRINT, Shown, Table, figure_of, fixed
 from truepose.show.page import as_uri
-from truepose.show.units import SI
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,19 +43,19 @@ class Robot(Dynamics, Shown):
     """
 
     def table(self) -> Table:
-        """Return every geometric parameter: name, value, unit, sigma.
+        """Return every geometric parameter, in printed units: name, value, unit, sigma.
 
         Examples
         --------
         >>> import truepose as tp
         >>> next(row for row in tp.load("h4").table() if row["name"] == "pivot1.offset")
-        {'name': 'pivot1.offset', 'value': 0.0, 'unit': 'rad', 'sigma': 0.00034907}
+        {'name': 'pivot1.offset', 'value': 0.0, 'unit': '°', 'sigma': 0.0200002...}
         """
         rows, units = [], units_in(self.spec)
         for name, p in self.parameters.items():
             factor, unit = PRINT[units[name]]
-            value, sigma = (Cell(f"{factor * v:.4f}", float(v)) for v in (p.value, p.sigma))
-            rows.append([name, value, Cell(unit, SI[unit]), sigma])
+            value, sigma = (fixed(factor * v, 4) for v in (p.value, p.sigma))
+            rows.append([name, value, unit, sigma])
         title = f"{self.name}: {len(rows)} parameters"
         return Table("parameters", title, ["name", "value", "unit", "sigma"], rows)
 

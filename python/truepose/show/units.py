@@ -14,8 +14,6 @@ PRINT = {
     "K": (1.0, "K"),
     "kg": (1.0, "kg"),
 }
-#: SI unit by printed unit.
-SI = {name: unit for unit, (_, name) in PRINT.items()}
 #: Units accepted in options: SI unit and factor.
 WRITTEN = {
     "um": ("m", 1e-6),

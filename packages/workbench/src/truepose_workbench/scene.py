@@ -14,7 +14,7 @@ from viser.transforms import SE3, SO3
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.exceptions import InputError
-from truepose.robot import Law
+from truepose.robot import LAWS, Law
 from truepose.robot.frames import frames
 from truepose.robot.parts import COLOURS, Part, parts_of
 from truepose.show.charts import LAW_COLOURS
@@ -175,8 +175,8 @@ class Scene:
     def show_rests(self, state: State, found: dict[Law, Rest], magnified: float) -> None:
         """Mark the steady-state reference point under each law, deviations from x_d magnified."""
         sent = frames(state.robot, state.x_d)[:3, 3]
-        for law, mark in self._marks.items():
-            rest = found.get(law)
+        for law in LAWS:
+            mark, rest = self._marks[law], found.get(law)
             mark.visible = rest is not None and rest.x is not None
             if mark.visible:
                 mark.position = sent + magnified * found[law].off
