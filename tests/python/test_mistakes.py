@@ -340,6 +340,7 @@ OF_PYTHON = {
     ),
     "negative noise": (lambda: H4.with_each("sensor", lambda _: {"noise": -1.0}), "noise = -1"),
     "a key of a file misspelt": (lambda: H4.with_file(tolerence={}), "'tolerances'"),
+    "a sensor in use that is none": (lambda: H4.with_file(sensors=["nope"]), "nope"),
     "a log and a robot": (lambda: tp.calibrate(some_readings(), H4), "robot"),
     "a log of NaN": (lambda: tp.calibrate(H4, np.full((9, 5), np.nan)), "every motor"),
     "tp.robots": (lambda: tp.robots, "list_robots"),

@@ -207,6 +207,9 @@ class Description:
         """
         for key, value in keys.items():
             keys[key] = checked(type(self.spec), key, value)
+        if "sensors" in keys:
+            known = [sensor.name for sensor in keys.get("sensor", self.spec.sensor)]
+            keys["sensors"] = selected("sensor", keys["sensors"], known)
         given = self._nominal | self.spec.parameters
         own = {name: v for name, v in self._values.items() if v != given[name]}
         return type(self)(self.spec.model_copy(update=keys), own)
