@@ -45,6 +45,17 @@ double row_error(const engine::Mechanism& m, const engine::Row& y) {
   return worst;
 }
 
+/// A robot's description, which stands where its own models read q_e.
+struct Standing {
+  Built built;
+  Position at;
+  Standing(const Robot& robot, const Pose& pose, const Extended& q_e) {
+    build(robot, Layout::ideal, built);
+    at.y = stand(robot, built, motors_of(robot, q_e), pose);
+    engine::place(built.mechanism, at);
+  }
+};
+
 double condition(const Robot& robot, const JointMatrix& J) {
   const int n = dof(robot.mobility);
   Eigen::MatrixXd dense(n, robot.motors);
@@ -132,11 +143,7 @@ TEST_EACH(for_every, "readings and H_x of a description are those of the robot's
     Extended q_e;
     PoseRows H_x, by_engine;
     if (!linearise(Level::ideal, robot, pose, q_e, H_x, nullptr)) continue;
-    Built built;
-    build(robot, Layout::ideal, built);
-    Position at;
-    at.y = stand(robot, built, motors_of(robot, q_e), pose);
-    engine::place(built.mechanism, at);
+    const auto [built, at] = Standing(robot, pose, q_e);
     Extended same;
     CHECK(linearise(robot, built, at, pose.theta, same, by_engine, nullptr));
     for (int e = 0; e < readings(robot); ++e) apart = std::max(apart, std::fabs(q_e[e] - same[e]));
@@ -158,11 +165,7 @@ TEST_EACH(for_every,
     Extended q_e;
     PoseRows H_x;
     if (!linearise(Level::ideal, robot, pose, q_e, H_x, nullptr)) continue;
-    Built built;
-    build(robot, Layout::ideal, built);
-    Position at;
-    at.y = stand(robot, built, motors_of(robot, q_e), pose);
-    engine::place(built.mechanism, at);
+    const auto [built, at] = Standing(robot, pose, q_e);
     PredictionRows g;
     for (int k = 0; k < robot.r; ++k)
       for (int i = 0; i < m; ++i) g[k][i] = random();

@@ -8,6 +8,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from truepose import files
+
 
 class Parts:
     """Computes each part once, also over interrupted runs of the same task.
@@ -43,16 +45,17 @@ class Parts:
         return self._known[key]
 
     def _keep(self, part: list[Any]) -> None:
-        """Append a part; the first one begins the file anew, without a line that was cut."""
+        """Append a part; the first one replaces the file, without a line that was cut."""
         if self._path is None:
             return
-        lines = [part]
-        if not self._begun:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(f"{self._head}\n", encoding="utf-8")
-            lines, self._begun = [[*each] for each in self._known.items()], True
-        with self._path.open("a", encoding="utf-8") as file:
-            file.writelines(f"{json.dumps(line)}\n" for line in lines)
+        if self._begun:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(f"{json.dumps(part)}\n")
+            return
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        lines = [self._head, *map(json.dumps, self._known.items())]
+        files.replace_file(self._path, "\n".join(lines) + "\n", "reproduce", force=True)
+        self._begun = True
 
     def clear(self) -> None:
         """Remove the file."""
