@@ -255,7 +255,7 @@ COMMANDS = {
     "a command misspelt": ({}, "calibrat h4", "calibrate"),
     "a renamed command": ({}, "robots", "truepose list"),
     "a renamed study": ({}, "study rest h4", "monte-carlo"),
-    "an unknown format": ({}, "export urdf h4", "linuxcnc"),
+    "an unknown format": ({}, "export urdf h4", "choices: c"),
     "an unknown option": ({}, "accuracy h4 --sensor theta", "--sensors"),
     "a sensor misspelt": ({}, "accuracy h4 --sensors tetha", "'theta'"),
     "a target without a unit": ({}, "design h4 --target 0.1 --price *=1", "0.1mm"),
