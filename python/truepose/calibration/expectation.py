@@ -46,53 +46,50 @@ def expect(
     A sensor's residual is [-J_r J, I] (H_ξ δξ + ν), a coordinate's ν_m - H_mx (x̂ - x) + H_mt δt, t
     the registration.
     """
-    if len(readings) > LINES:  # H_ξ takes kilobytes a row
+    count, n, m, r = len(readings), robot.n, robot.m, robot.r
+    apart_sigma = np.array(np.broadcast_to(measured_sigma, (count, n)))
+    if count > LINES:  # H_ξ takes kilobytes a row
         parts = []
-        for start in range(0, len(readings), LINES):
-            part = slice(start, start + LINES)
-            outside = None if measured is None else measured[part]
-            sigma = np.asarray(measured_sigma)[part] if np.ndim(measured_sigma) else measured_sigma
-            own = loads and loads.only(np.arange(len(readings))[part])
-            parts.append(expect(robot, readings[part], outside, sigma, registration, level, own))
+        for start in range(0, count, LINES):
+            rows = np.arange(start, min(start + LINES, count))
+            outside = measured if measured is None else measured[rows]
+            under = apart_sigma[rows], registration, level, loads and loads.only(rows)
+            parts.append(expect(robot, readings[rows], outside, *under))
         return Expectation(*map(np.concatenate, zip(*parts, strict=True)))
-    n, m, r = robot.n, robot.m, robot.r
     level = robot.highest_level if level is None else level
-    under = (loads or Payloads()).arrays(robot, len(readings))
-    stiff = robot
+    full, under = robot.is_full(level), (loads or Payloads()).arrays(robot, count)
     if robot.is_compliant:
-        readings, _ = relieved(robot, readings, robot.is_full(level), under)
-        stiff = robot.stiff
-    x = poses_of(stiff, readings[:, :m], level)
-    expected = stiff.extended_positions(x, errors="nan", level=level)
+        near = relieved(robot, readings, full, under)
+        readings = readings - compliance.given_way(robot, near, full, **under).readings
+    x = poses_of(robot.stiff, readings[:, :m], level)
+    expected = robot.stiff.extended_positions(x, errors="nan", level=level)
     residual = _core.innovation(robot.core, readings, expected)[0][:, m:]
     expected = expected[:, m:]
     names = knowledge.learnable(robot)
     H_x, by_geometry = knowledge.linearized(robot, x, names, "nan", level)
     if yielding := compliance.unknown(robot):
-        at = compliance.under_load(robot, x, robot.is_full(level), **under)
+        at = compliance.under_load(robot, x, full, **under)
         by_geometry[..., -len(yielding) :] = compliance.columns(robot, yielding, at.by_compliance)
-    J = np.full((len(x), n, m), np.nan)
+    J = np.full((count, n, m), np.nan)
     good = finite_rows(H_x)
     J[good] = np.linalg.pinv(H_x[good, :m])
-    A = np.zeros((len(x), r, m + r))
-    A[:, :, :m] = -H_x[:, m:] @ J
-    A[:, :, m:] = np.eye(r)
+    H = H_x[:, m:]
     if measured is not None:
         by = registration or Registered.exact(*KNOWN.begin(), len(names))
         seen, apart, H_mx, H_mt, blunt = by.see(robot, x, measured)
-        measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()
         if robot.coordinates[-1][0] == "theta":
-            measured_sigma[:, -1] *= blunt
-        B = np.concatenate([-H_mx @ J, np.zeros((len(x), n, r))], axis=2)
-        A = np.concatenate([A, B], axis=1)
+            apart_sigma[:, -1] *= blunt
+        H = np.concatenate([H, H_mx], axis=1)
         expected = np.concatenate([expected, seen], axis=1)
         residual = np.concatenate([residual, apart], axis=1)
+    direct = np.broadcast_to(np.eye(H.shape[1], r), (count, H.shape[1], r))
+    A = np.concatenate([-H @ J, direct], axis=2)
     moved = A @ by_geometry @ knowledge.root(robot, names)
     noise = A * knowledge.stated_sigma(robot, level)
     variance = (moved**2).sum(axis=2) + (noise**2).sum(axis=2)
     if measured is not None:
-        shared = B @ by_geometry @ by.cross * 2 + H_mt @ by.covariance
-        variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
+        shared = A[:, r:] @ by_geometry @ by.cross * 2 + H_mt @ by.covariance
+        variance[:, r:] += (shared * H_mt).sum(axis=2) + apart_sigma**2
     return Expectation(x, expected, residual, np.sqrt(variance), A)
 
 

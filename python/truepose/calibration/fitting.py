@@ -15,7 +15,7 @@ from truepose.calibration.expectation import contradicting
 from truepose.calibration.fit import Calibration, LogRows
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
 from truepose.calibration.lean import Leaning, leaning_of
-from truepose.calibration.learnt import Learnt, calibrated, mean_of
+from truepose.calibration.learnt import calibrated, mean_of
 from truepose.calibration.options import CalibrationOptions, Loss
 from truepose.calibration.registration import (
     KnownPose,
@@ -72,11 +72,12 @@ def _fit_upright(problem: Problem) -> Calibration:
     require = knowledge.uncertain if problem.keeps_rows else knowledge.require_uncertain
     names, own = knowledge.learnable(robot), len(require(robot))
     lines = _lines(problem)
+    told = len(lines.poses.x)
     begun = registration_of(options.registration)
     frames = begun.sigma(robot, lines.outside) if lines.tracked else np.zeros(12)
     registering = bool(frames.any())
     between = assemble(robot, problem.differences, lines.own, own + 12 * registering)
-    acting = np.pad(patterns(robot, influences, lines.own), ((0, lines.known), (0, 0), (0, 0)))
+    acting = np.pad(patterns(robot, influences, lines.own), ((0, told), (0, 0), (0, 0)))
     usual, amount_sigma = np.array([of.amount for of in influences]).reshape(-1, 2).T
     apart = between.sigma if between else np.zeros(0)
     level = options.level or robot.highest_level
@@ -96,19 +97,19 @@ def _fit_upright(problem: Problem) -> Calibration:
         said = f"{len(lines.rows)} lines of readings need about {1e-9 * needed:.1f} GB of memory"
         warnings.warn(f"{robot.name}: {said}", stacklevel=3)
     k, sigma = len(influences), knowledge.reading_sigma(robot)
-    sizes = [own, 12 * registering, len(apart), k, len(stretching.names)]
-    ends = np.cumsum(sizes)
+    ends = np.cumsum([own, 12 * registering, len(apart), k, len(stretching.names)])
     first, moved, linked, acted, last = np.split(np.arange(ends[-1]), ends[:-1])
     geometry = np.concatenate([first, last])
     for _ in range(ROUNDS):
         every = np.concatenate([acting, stretching.patterns()], axis=2)
+        usually = acting @ usual + stretching.usual()
         answer = _Answer(
             *_core.calibrate(
                 robot.core_drawn,
                 known.core,
                 known.nuisances,
                 mean_of(robot),
-                lines.rows - acting @ usual - stretching.usual(),
+                lines.rows - usually,
                 lines.outside,
                 lines.outside_sigma,
                 *begun.begin(),
@@ -119,28 +120,27 @@ def _fit_upright(problem: Problem) -> Calibration:
                 getattr(_core.Loss, options.loss),
                 problem.iterations,
                 full,
-                lines.known,
+                told,
                 problem.keeps_rows,
             )
         )
         if not (problem.keeps_rows and len(answer.rows[1])):
-            _require_found(robot, answer, options.loss, lines.known)
-        sigmas = sigmas_of(answer.covariance)
-        stretched = stretching.learnt(answer.amounts[k:], sigmas[last])
+            _require_found(robot, answer, options.loss, told)
         covariance = answer.covariance[np.ix_(geometry, geometry)]
-        after = _calibrated(robot, names, answer, covariance, stretched, guarded).with_level(level)
-        added = stretching.usual() + stretching.patterns() @ answer.amounts[k:]
-        if not stretching.acts:
-            break
-        if not (stretching.follow(after, answer.x) > NEGLIGIBLE * sigma).any():
+        compliances = stretching.mean + answer.amounts[k:]
+        after = _calibrated(robot, names, answer, covariance, compliances, guarded)
+        after = after.with_level(level)
+        moves = stretching.acts and stretching.follow(after, answer.x) > NEGLIGIBLE * sigma
+        if not np.any(moves):
             break
     blocks = answer.covariance, geometry, linked
     found = between.found(answer.w, answer.differences, *blocks) if between else None
     others = np.concatenate([linked[apart > 0], acted])
-    amounts = zip(influences, answer.amounts[:k].tolist(), sigmas[acted].tolist(), strict=True)
-    shown = lines.rows - acting @ (usual + answer.amounts[:k]) - added
+    sigmas = sigmas_of(answer.covariance)[acted].tolist()
+    amounts = zip(influences, answer.amounts.tolist(), sigmas, strict=False)
+    shown = lines.rows - usually - every @ answer.amounts
     expected = after.stiff.extended_positions(answer.x, errors="nan", level=level)
-    told = slice(lines.own or None)  # known poses only without a log
+    log = slice(lines.own or None)  # known poses only without a log
     root = knowledge.root(robot, names)
     fit = Calibration(
         robot=after,
@@ -149,12 +149,12 @@ def _fit_upright(problem: Problem) -> Calibration:
         names=tuple(names),
         covariance=covariance,
         prior_covariance=root @ root.T,
-        x=answer.x[told],
-        residuals=_core.innovation(robot.core, shown, expected)[0][told],
-        chi2=answer.chi2[told],
-        redundancy=answer.redundancy[told],
-        weights=answer.weights[told],
-        status=np.array([_core.describe(int(s)) for s in answer.lines[told]]),
+        x=answer.x[log],
+        residuals=_core.innovation(robot.core, shown, expected)[0][log],
+        chi2=answer.chi2[log],
+        redundancy=answer.redundancy[log],
+        weights=answer.weights[log],
+        status=np.array([_core.describe(int(s)) for s in answer.lines[log]]),
         iterations=answer.iterations,
         cost=answer.cost,
         loss=options.loss,
@@ -172,8 +172,8 @@ def _fit_upright(problem: Problem) -> Calibration:
             f"{said}: wrong pose, or tolerances?"
             for said in contradicting(
                 fit,
-                KnownPoses(*(of[lines.own :] for of in lines[:3])),
-                (f"known_pose: row {k + 1}" for k in range(lines.known)),
+                lines.poses,
+                (f"known_pose: row {k + 1}" for k in range(told)),
                 FALSE_ALARMS,
             )
         ),
@@ -220,7 +220,7 @@ class _Lines(NamedTuple):
     rows: Array  #: (N, n + r)
     outside: Array  #: (N, n), NaN where not measured
     outside_sigma: Array
-    known: int  #: number of known poses
+    poses: KnownPoses
     tracked: bool  #: whether there are other external measurements
     loads: Payloads | None
     notes: tuple[str, ...]
@@ -228,7 +228,7 @@ class _Lines(NamedTuple):
     @property
     def own(self) -> int:
         """Number of the log's rows."""
-        return len(self.rows) - self.known
+        return len(self.rows) - len(self.poses.x)
 
 
 def _lines(problem: Problem) -> _Lines:
@@ -259,7 +259,7 @@ def _lines(problem: Problem) -> _Lines:
     rows[again, robot.m :] = outside[again] = np.nan
     sigma = np.vstack([sigma, poses.sigma])
     loads = log.loads and log.loads.padded(robot, len(log.readings), len(poses.x))
-    return _Lines(rows, outside, sigma, len(poses.x), tracked, loads, notes)
+    return _Lines(rows, outside, sigma, poses, tracked, loads, notes)
 
 
 #: Hint where nothing more is known.
@@ -295,12 +295,12 @@ def _calibrated(
     names: list[str],
     answer: _Answer,
     covariance: Array,
-    stretched: dict[str, Learnt],
+    compliances: Array,
     guarded: bool,
 ) -> Robot:
     column = dict(columns(robot.spec))
-    values = {name: float(answer.xi[column[name]]) for name in names if name in column}
-    values |= {name: of.value for name, of in stretched.items()}
+    own = [answer.xi[column[name]] for name in names if name in column]
+    values = dict(zip(names, map(float, [*own, *compliances]), strict=True))
     sigma = sigmas_of(covariance)  # scaled: factors mix no units
     root = sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
     source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
@@ -325,28 +325,24 @@ def misfit(fit: Calibration) -> float:
 
 def inflated(fit: Calibration, why: str) -> Calibration:
     """Return a calibration with all σ enlarged by :func:`misfit`, and a note."""
-    factor = misfit(fit)
-    learnt = fit.robot.spec.calibration
+    factor, seen = misfit(fit), fit.registration
+    learnt, square = fit.robot.spec.calibration, factor**2
     assert learnt is not None
     root = tuple(tuple(factor * value for value in row) for row in learnt.root)
-    seen = fit.registration
-    if seen is not None:
-        covariance, cross = factor**2 * seen.covariance, factor**2 * seen.cross
-        seen = replace(seen, covariance=covariance, cross=cross)
-    said = f"{why}: all σ are enlarged by {factor:.2g}"
     return replace(
         fit,
         robot=fit.robot.with_calibration(learnt.model_copy(update={"root": root})),
-        covariance=factor**2 * fit.covariance,
-        beside=factor**2 * fit.beside,
-        registration=seen,
-        notes=(*fit.notes, said),
+        covariance=square * fit.covariance,
+        beside=square * fit.beside,
+        registration=seen
+        and replace(seen, covariance=square * seen.covariance, cross=square * seen.cross),
+        notes=(*fit.notes, f"{why}: all σ are enlarged by {factor:.2g}"),
     )
 
 
 def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
     """Estimate a calibration's peak memory, bytes: two linearizations of every row."""
     unknowns = len(knowledge.uncertain(robot)) + 12 * measured
-    unknowns += len(knowledge.left_out(robot)) if guarded else 0
+    unknowns += guarded * len(knowledge.left_out(robot))
     beyond = robot.r + robot.n * measured
     return lines * (2 * (8 * (robot.m + beyond) * unknowns + 1400) + 8 * beyond * unknowns)

@@ -186,15 +186,16 @@ class Stretching:
     def __init__(self, robot: Robot, loads: Payloads | None, readings: Array, full: bool):
         self.names = compliance.unknown(robot)
         self._robot, self._full = robot, full
-        self._prior = [robot.parameters[name] for name in self.names]
+        prior = [robot.parameters[name] for name in self.names]
+        self.mean = np.array([p.mean for p in prior])  #: of the unknown ones
+        self._sigma = [p.sigma for p in prior]
         expected = robot.expected()
         self._usual = compliance.of_all(expected)
         self.acts = bool(self.names) or expected.is_compliant
         self._loads = (loads or Payloads()).arrays(robot, len(readings))
         self._by = np.zeros((*readings.shape, 2 * robot.m))  #: per unit of every compliance
         if self.acts:
-            _, x = relieved(expected, readings, full, self._loads)
-            self.follow(expected, x)
+            self.follow(expected, relieved(expected, readings, full, self._loads))
 
     def follow(self, model: Robot, x: Array) -> Array:
         """Update the patterns, but of rows without a pose; return the change, m or rad."""
@@ -205,7 +206,7 @@ class Stretching:
         change = np.abs(by - self._by)
         self._by = by
         unknown: Array = compliance.columns(self._robot, self.names, change)
-        return change @ np.abs(compliance.of_all(model)) + unknown @ [p.sigma for p in self._prior]
+        return change @ np.abs(compliance.of_all(model)) + unknown @ self._sigma
 
     def patterns(self) -> Array:
         """Return the patterns of the unknown compliances, (N, n + r, k)."""
@@ -215,24 +216,12 @@ class Stretching:
         """Return the effect of the prior-mean compliances on the readings, (N, n + r)."""
         return np.asarray(self._by @ self._usual)
 
-    def learnt(self, amounts: Array, sigma: Array) -> dict[str, Learnt]:
-        """Return the compliances by name; `amounts` are relative to the prior means."""
-        return {
-            name: Learnt(p.mean, p.sigma, p.mean + float(amount), float(s))
-            for name, p, amount, s in zip(self.names, self._prior, amounts, sigma, strict=True)
-        }
 
-
-def relieved(
-    robot: Robot, readings: Array, full: bool, loads: dict[str, Array]
-) -> tuple[Array, Array]:
-    """Return readings corrected to stiff rods, (N, n + r), and FKM poses (or NaN)."""
+def relieved(robot: Robot, readings: Array, full: bool, loads: dict[str, Array]) -> Array:
+    """Return the FKM poses of readings, (N, n + r), under load; NaN without a solution."""
     home = np.tile(robot.home, (len(readings), 1))
 
     def answer(q: Array, near: Array | None) -> compliance.Answer:
         return _core.fkm(robot.core, q[:, : robot.m], home if near is None else near, full)[:3]
 
-    x, *_ = compliance.at_rest(robot, readings[:, : robot.m], full, answer, **loads)
-    if not robot.is_compliant:
-        return readings, x
-    return readings - compliance.given_way(robot, x, full, **loads).readings, x
+    return compliance.at_rest(robot, readings[:, : robot.m], full, answer, **loads)[0]
