@@ -136,8 +136,7 @@ def test_a_printer_learns_from_touches_and_callipers_alone():
         assert list(unknowns) == [NAMES[k] for k in range(5)] and not between.doubt
         error = [p.value - true.parameters[name].value for name, p in fit.parameters.items()]
         error = np.array([*error, *([p.value for p in unknowns.values()] - own)])
-        joint = np.block([[fit.covariance, between.cross], [between.cross.T, between.covariance]])
-        nees.append(error @ np.linalg.solve(joint, error))
+        nees.append(error @ np.linalg.solve(fit.joint_covariance, error))
         sizes = [(of.left_out / of.left_out_sigma) ** 2 for of in between.each]
         assert 0.5 < np.mean(sizes) < 2
     freedoms = len(error)

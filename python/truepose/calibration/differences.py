@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import starmap
 from statistics import NormalDist
 from typing import Literal, NamedTuple
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, finite, numbers_like, sigmas_of
+from truepose.arguments import Array, finite, numbers_like
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot
@@ -85,8 +86,6 @@ class Differences:
     measured: tuple[Difference, ...]
     found: tuple[Found, ...]  #: one for each of `measured`
     unknowns: dict[str, Learnt]  #: plane.height, distances.scale, distances.width, tool.x, …
-    covariance: Array  #: (w, w) of those
-    cross: Array  #: (p, w) with the robot's parameters
 
     @property
     def doubt(self) -> list[str]:
@@ -149,23 +148,17 @@ class Assembled:
     names: list[str]  #: of all
     shapes: list[tuple[int, ...]]  #: of each set's measurements
 
-    def found(
-        self, w: Array, each: Array, joint: Array, geometry: Array, own: Array
-    ) -> Differences:
-        """Split the core's result by set; `joint` has w's covariance at `own`, (w,)."""
-        free = np.flatnonzero(self.sigma > 0)
-        at = own[free]
-        covariance = joint[np.ix_(at, at)]
-        unknowns = {
-            self.names[k]: Learnt(self.mean[k], self.sigma[k], float(w[k]), float(sigma))
-            for k, sigma in zip(free, sigmas_of(covariance), strict=True)
-        }
+    def found(self, w: Array, each: Array, sigma: Array) -> Differences:
+        """Split the core's result by set; `sigma`, (w,), is that of the unknowns w."""
+        values = np.transpose([self.mean, self.sigma, w, sigma]).tolist()
+        every = zip(self.names, starmap(Learnt, values), strict=True)
+        unknowns = {name: of for name, of in every if of.prior_sigma}
         parts = np.split(each, np.cumsum([math.prod(shape) for shape in self.shapes])[:-1])
         found = tuple(
             Found(*part.T.reshape(-1, *shape))
             for part, shape in zip(parts, self.shapes, strict=True)
         )
-        return Differences(self.given, found, unknowns, covariance, joint[np.ix_(geometry, at)])
+        return Differences(self.given, found, unknowns)
 
 
 def assemble(

@@ -53,8 +53,8 @@ def expect(
         for start in range(0, count, LINES):
             rows = np.arange(start, min(start + LINES, count))
             outside = measured if measured is None else measured[rows]
-            under = apart_sigma[rows], registration, level, loads and loads.only(rows)
-            parts.append(expect(robot, readings[rows], outside, *under))
+            more = apart_sigma[rows], registration, level, loads and loads.only(rows)
+            parts.append(expect(robot, readings[rows], outside, *more))
         return Expectation(*map(np.concatenate, zip(*parts, strict=True)))
     level = robot.highest_level if level is None else level
     full, under = robot.is_full(level), (loads or Payloads()).arrays(robot, count)

@@ -61,7 +61,6 @@ class Calibration(Shown):
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     loss: Loss
-    guarded: bool  #: whether the ideal level's omitted errors were nuisances
     registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were
     influences: dict[str, Learnt] = field(default_factory=dict)  #: amounts of each

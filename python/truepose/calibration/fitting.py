@@ -133,11 +133,10 @@ def _fit_upright(problem: Problem) -> Calibration:
         moves = stretching.acts and stretching.follow(after, answer.x) > NEGLIGIBLE * sigma
         if not np.any(moves):
             break
-    blocks = answer.covariance, geometry, linked
-    found = between.found(answer.w, answer.differences, *blocks) if between else None
+    sigmas = sigmas_of(answer.covariance)
+    found = between and between.found(answer.w, answer.differences, sigmas[linked])
     others = np.concatenate([linked[apart > 0], acted])
-    sigmas = sigmas_of(answer.covariance)[acted].tolist()
-    amounts = zip(influences, answer.amounts.tolist(), sigmas, strict=False)
+    amounts = zip(influences, answer.amounts.tolist(), sigmas[acted].tolist(), strict=False)
     shown = lines.rows - usually - every @ answer.amounts
     expected = after.stiff.extended_positions(answer.x, errors="nan", level=level)
     log = slice(lines.own or None)  # known poses only without a log
@@ -158,7 +157,6 @@ def _fit_upright(problem: Problem) -> Calibration:
         iterations=answer.iterations,
         cost=answer.cost,
         loss=options.loss,
-        guarded=guarded,
         registration=answer.registered(geometry, moved, frames) if lines.tracked else None,
         differences=found,
         influences={of.name: of.learnt(amount, s) for of, amount, s in amounts},

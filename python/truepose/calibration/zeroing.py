@@ -195,7 +195,10 @@ def _postures_of(
     Every motor must have been read. Labels are names and lines.
     """
     names, level = log.labels.get(POSTURE), robot.spec.mobility == "rotational" and at is None
-    usual = np.full(robot.n, np.nan) if at is None else _pose(robot, at)
+    unknown = np.full((len(log.lines), robot.n), np.nan)
+    x = unknown if log.measured is None else log.measured
+    flats = np.zeros(x.shape, dtype=bool) if log.implied is None else log.implied
+    usual = unknown[0] if at is None else _pose(robot, at)
     if names is not None:
         if not stood(names).any():
             raise InputError("no line names a posture: the column 'posture' is empty, or 0")
@@ -206,43 +209,36 @@ def _postures_of(
             )
     elif log.measured is not None:
         level = False
-        names = np.where(np.isfinite(log.measured).any(axis=1), log.lines.astype(str), "")
+        names = np.where(np.isfinite(x).any(axis=1), log.lines.astype(str), "")
     else:
         names = np.full(len(log.lines), "one")
         usual = robot.home if at is None and not level else usual
     if level:  # anew: the first row of a posture may have been left out
-        x = None if log.measured is None else np.where(np.array(log.implied), np.nan, log.measured)
-        x, _, implied = flat(robot, names, x, None, log.base_lean)
-        log = replace(log, measured=x, implied=implied)
-    x = np.full((len(names), robot.n), np.nan) if log.measured is None else log.measured
-    flats = np.zeros(x.shape, dtype=bool) if log.implied is None else log.implied
-    rows, notes = [], []
-    for name in dict.fromkeys(names[stood(names)].tolist()):
-        lines = np.flatnonzero(names == name)
-        part, mean = log.only(lines), _mean_of(x[lines])
-        known = np.where(np.isnan(mean), usual, mean)
-        where = log.at(lines) if POSTURE not in log.labels else f"posture {name}: {log.at(lines)}"
-        lean = None if part.base_lean is None else part.base_lean.mean(axis=0)
-        rows.append((_mean_of(part.readings), known, flats[lines].any(axis=0), lean, where))
-        if moves := _moves(robot, part.readings, known, sigma, where):
-            notes.append(moves)
-    read, x, implied, leans, called = map(np.array, zip(*rows, strict=True))
+        x, _, flats = flat(robot, names, np.where(flats, np.nan, x), None, log.base_lean)
+    rows = [np.flatnonzero(names == name) for name in dict.fromkeys(names[stood(names)].tolist())]
+
+    def mean(of: Array) -> Array:
+        """Return the mean of each column's values in each posture; NaN without any."""
+        each = [np.ma.masked_invalid(of[lines]).mean(axis=0).filled(np.nan) for lines in rows]
+        return np.array(each)
+
+    x, called = mean(x), [log.at(lines) for lines in rows]
+    x = np.where(np.isnan(x), usual, x)
+    if POSTURE in log.labels:
+        called = [f"posture {names[of[0]]}: {at}" for of, at in zip(rows, called, strict=True)]
+    every = zip(rows, x, called, strict=True)
+    moves = [_moves(robot, log.readings[of], known, sigma, at) for of, known, at in every]
     return Log(
         log.names,
-        read,
+        mean(log.readings),
         x,
         np.arange(1, len(x) + 1),
         "posture",
         measured_sigma=np.tile(sigma, (len(x), 1)),
-        labels={POSTURE: called},
-        implied=implied,
-        base_lean=None if log.base_lean is None else leans,
-    ), notes
-
-
-def _mean_of(rows: Array) -> Array:
-    """Return the mean of each column's readings; NaN without any."""
-    return np.ma.masked_invalid(rows).mean(axis=0).filled(np.nan)
+        labels={POSTURE: np.array(called)},
+        implied=np.array([flats[lines].any(axis=0) for lines in rows]),
+        base_lean=log.base_lean if log.base_lean is None else mean(log.base_lean),
+    ), [said for said in moves if said]
 
 
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
