@@ -28,7 +28,6 @@ from truepose.robot import (
     warn_if_stiff,
 )
 from truepose.robot.conditions import reading_offsets
-from truepose.robotfile.to_core import columns
 
 
 @dataclass(frozen=True)
@@ -121,10 +120,9 @@ class OnlineCalibrator:
 
     def _walks(self, drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None) -> Array:
         """Return a row per random walk: 1σ change of every parameter between samples."""
-        if drift is None:
-            drift = {}
-            if self._changes:
-                return drift_of(self._robot)
+        if drift is None and self._changes:
+            return drift_of(self._robot)
+        drift = drift or {}
         walks = [drift] if isinstance(drift, Mapping) else drift
         together = walks is drift
         rows = []
@@ -141,6 +139,7 @@ class OnlineCalibrator:
         model, full = self._robot, self._robot.is_full(self.level)
         known = knowledge.knowledge(model, root, level=self.level, error=self._error).core
         expected = Expected.of(model, self._changes)
+        self._at = np.array(known.column)  # of the parameters in ξ
         self._sigma = np.array(known.sigma)[: model.m + model.r]
         self._filter = _core.Online(
             model.core_drawn, known, xi, self._drift, self._gate, full, *expected
@@ -177,17 +176,17 @@ class OnlineCalibrator:
         ndarray, shape (..., n)
             Pose of each row, with the parameters as identified at that row.
         """
-        rows, lead = flattened(self._robot, q_e, self._robot.m + self._robot.r, "q_e", errors)
+        robot = self._robot
+        rows, lead = flattened(robot, q_e, robot.m + robot.r, "q_e", errors)
+        used = np.full(len(rows), True)
         if health is not None:
             if np.shape(health) != np.shape(q_e):
                 raise InputError(f"health: shape {np.shape(health)}, must be that of q_e")
-            valid = ~np.reshape(health, rows.shape).any(axis=1)
-            x = np.full((len(rows), self._robot.n), np.nan)
-            x[valid] = self.observe(rows[valid], errors)
-            return x.reshape(*lead, self._robot.n)
-        x, status, chain = self._filter.observe(rows, np.zeros(0))
-        require_answers(self._robot, "reading", rows, lead, status, chain, errors, name="q_e")
-        return x.reshape(*lead, self._robot.n)
+            used = ~np.reshape(health, rows.shape).any(axis=1)
+        x = np.full((len(rows), robot.n), np.nan)
+        x[used], status, chain = self._filter.observe(rows[used], np.zeros(0))
+        require_answers(robot, "reading", rows[used], lead, status, chain, errors, name="q_e")
+        return x.reshape(*lead, robot.n)
 
     def replay(self, q_e: ArrayLike, times: int = 3) -> None:
         """Restart from the priors with all rows linearized about the current parameters.
@@ -218,25 +217,21 @@ class OnlineCalibrator:
         >>> online.parameters["theta.offset"].ratio > 1
         True
         """
-        offsets = dict(zip(self._robot.readings, reading_offsets(self._robot), strict=True))
-        fresh: list[str] = []
+        robot, fresh = self._robot, list[int]()
+        offsets = dict(zip(robot.readings, reading_offsets(robot), strict=True))
         for sensor in sensors:
             if sensor not in offsets:
                 raise InputError(choose("sensor", sensor, offsets))
-            own = f"{sensor}." if sensor in self._robot.sensors else offsets[sensor]
-            fresh += [name for name in self._names if name.startswith(own)]
-        file, column = (
-            self._robot.with_calibration(None).parameters,
-            dict(columns(self._robot.spec)),
-        )
+            own = f"{sensor}." if sensor in robot.sensors else offsets[sensor]
+            fresh += [k for k, name in enumerate(self._names) if name.startswith(own)]
+        file = robot.with_calibration(None).parameters
+        known = [file[self._names[k]] for k in fresh]
         xi, root = np.array(self._filter.xi), np.array(self._filter.root)
-        at = [self._names.index(name) for name in fresh]
-        root[at] = 0.0
-        new = np.zeros((len(root), len(at)))
-        new[at, range(len(at))] = [file[name].sigma for name in fresh]
+        xi[self._at[fresh]] = [p.mean for p in known]
+        root[fresh] = 0.0
+        new = np.eye(len(root))[:, fresh] * [p.sigma for p in known]
         self._told, before, noise = self.changes, self._filter.memory, self._noise
-        noise[[self._robot.readings.index(sensor) for sensor in sensors]] = 1.0
-        xi[[column[name] for name in fresh]] = [file[name].mean for name in fresh]
+        noise[[robot.readings.index(sensor) for sensor in sensors]] = 1.0
         self._start(xi, knowledge.triangular(np.hstack([root, new])))
         sigma, now = np.array(self._filter.sigma), list(self._filter.memory)
         sigma[: len(noise)] *= noise
@@ -328,11 +323,10 @@ class OnlineCalibrator:
     @property
     def parameters(self) -> dict[str, Learnt]:
         """Every uncertain parameter, before and now."""
-        before, values = self._robot.parameters, self._values()
-        sigma = sigmas_of(self.covariance)
+        before, sigma = self._robot.parameters, sigmas_of(self.covariance).tolist()
         return {
-            name: Learnt(before[name].mean, before[name].sigma, values[name], float(s))
-            for name, s in zip(self._names, sigma, strict=True)
+            name: Learnt(before[name].mean, before[name].sigma, value, s)
+            for (name, value), s in zip(self._values.items(), sigma, strict=True)
         }
 
     @property
@@ -341,10 +335,9 @@ class OnlineCalibrator:
         counts = self._error and self.level == "ideal"
         error = knowledge.stated_error(self._robot) if counts else None
         more = compliance.unknown(self._robot)  # keep their priors: loads are unknown
-        values = self._values() | {name: self._robot.parameters[name].mean for name in more}
-        p, root = len(self._filter.root), np.pad(self._filter.root, (0, len(more)))
-        if more:
-            root[p:, p:] = knowledge.root(self._robot, more)
+        values = self._values | {name: self._robot.parameters[name].mean for name in more}
+        p, root = len(self._names), np.pad(self._filter.root, (0, len(more)))
+        root[p:, p:] = knowledge.root(self._robot, more)
         known = calibrated(self._robot, values, root, "online", error)
         noise = self._noise
         return known if (noise == 1).all() else knowledge.with_noise(known, noise)
@@ -354,7 +347,8 @@ class OnlineCalibrator:
         """Factor of each reading's σ, as recognized."""
         return np.array(self._filter.sigma)[: len(self._sigma)] / self._sigma
 
+    @property
     def _values(self) -> dict[str, float]:
-        column = dict(columns(self._robot.spec))
-        xi = self._filter.xi
-        return {name: float(xi[column[name]]) for name in self._names}
+        """Value of each uncertain parameter."""
+        values = np.array(self._filter.xi)[self._at].tolist()
+        return dict(zip(self._names, values, strict=True))
