@@ -8,6 +8,7 @@ from fixtures import require_shown
 
 import truepose as tp
 from truepose.calibration import zero
+from truepose.calibration.learnt import VERDICTS
 from truepose.faults.monitor import Review
 from truepose.robot import coordinate_axes, summed, usual
 from truepose.robot.redundancy import Estimate
@@ -25,7 +26,8 @@ def test_a_fit_says_what_it_rests_on_and_draws_every_parameter(h4, truth, table2
     )
     assert all(note in said for note in fit.notes)
     (axes,) = fit.plot().axes
-    assert [label.get_text() for label in axes.get_yticklabels()] == list(fit.names)
+    drawn = sorted(fit.names, key=lambda name: [*VERDICTS].index(fit.parameters[name].verdict))
+    assert [label.get_text() for label in axes.get_yticklabels()] == drawn
 
 
 def test_a_run_says_how_far_off_it_was_and_draws_that(chained_robot):

@@ -63,11 +63,9 @@ def changes(robot: Robot) -> list[Change]:
         for name, steps in kind
     ]
     common: dict[str, list[dict[str, float]]] = {}
-    for name, step in _conditions(robot, size).items():
+    for name, moves in _conditions(robot, size).items():
         kind = name.partition(".")[0]
         warm = kind in ("temperature", "warm_up", "gradient")
-        every = zip(robot.parameters, step.tolist(), strict=True)
-        moves = {n: by for n, by in every if by and n in size}
         apart = {n.partition(".")[0] for n in moves} if kind == "gradient" else {""}
         common.setdefault("warm-up" if warm else kind, []).extend(
             {n: by for n, by in moves.items() if n.startswith(part)} for part in sorted(apart)
@@ -78,14 +76,15 @@ def changes(robot: Robot) -> list[Change]:
     return found
 
 
-def _conditions(robot: Robot, size: dict[str, float]) -> dict[str, Array]:
+def _conditions(robot: Robot, size: dict[str, float]) -> dict[str, dict[str, float]]:
     """Return the conditions' directions; a payload's is the constant one nearest to it at work."""
-    result, every = conditions.directions(robot), list(robot.parameters)
-    loads = [
-        (k, one)
-        for k, one in enumerate(conditions.known(robot))
-        if one.source.startswith("payload")
-    ]
+    every = list(robot.parameters)
+    result = {
+        name: {n: by for n, by in zip(every, step.tolist(), strict=True) if by and n in size}
+        for name, step in conditions.directions(robot).items()
+    }
+    known = list(enumerate(conditions.known(robot)))
+    loads = [(k, one) for k, one in known if one.source.startswith("payload")]
     if not loads:
         return result
     x = workspace_samples(robot, POSES, np.random.default_rng(0))
@@ -97,9 +96,8 @@ def _conditions(robot: Robot, size: dict[str, float]) -> dict[str, Array]:
     damped = F.T @ F + len(F) * 1e-6 * np.eye(len(size))
     for k, one in loads:
         wanted = one.sigma * (by[usable, :, k] / sigma).ravel()
-        result[one.name] = np.zeros(len(every))
-        at = [every.index(name) for name in size]
-        result[one.name][at] = tolerance * np.linalg.solve(damped, F.T @ wanted)
+        step = tolerance * np.linalg.solve(damped, F.T @ wanted)
+        result[one.name] = dict(zip(size, step.tolist(), strict=True))
     return result
 
 

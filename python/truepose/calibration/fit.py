@@ -179,11 +179,12 @@ class Calibration(Shown):
         names = [*self.names, *self.others]
         scale = np.linalg.inv(np.linalg.cholesky(joint_prior(self)))
         ratio2, vectors = np.linalg.eigh(scale @ self.joint_covariance @ scale.T)
-        result = []
-        for square, vector in [*zip(ratio2, vectors.T, strict=True)][: -count - 1 : -1]:
-            terms = {names[i]: float(vector[i]) for i in np.argsort(-np.abs(vector))[:4]}
-            result.append((math.sqrt(max(square, 0.0)), terms))
-        return result
+        ratios = np.sqrt(np.maximum(ratio2, 0.0)).tolist()
+        worst = [*zip(ratios, vectors.T, strict=True)][: -count - 1 : -1]
+        return [
+            (ratio, {names[i]: float(of[i]) for i in np.argsort(-np.abs(of))[:4]})
+            for ratio, of in worst
+        ]
 
 
 def joint_prior(fit: Calibration) -> Array:

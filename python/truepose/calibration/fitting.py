@@ -14,8 +14,8 @@ from truepose.calibration.differences import Difference, assemble
 from truepose.calibration.expectation import contradicting
 from truepose.calibration.fit import Calibration, LogRows
 from truepose.calibration.influences import NuisanceParameter, Stretching, patterns
-from truepose.calibration.lean import Leaning, leaning_of
-from truepose.calibration.learnt import calibrated, mean_of
+from truepose.calibration.lean import leaning_of
+from truepose.calibration.learnt import Learnt, calibrated, mean_of
 from truepose.calibration.options import CalibrationOptions, Loss
 from truepose.calibration.registration import (
     KnownPose,
@@ -35,6 +35,8 @@ from truepose.robotfile.to_core import columns
 FALSE_ALARMS = 1e-3
 #: Maximum iterations for compliances; change of a reading, in units of its σ, that ends them.
 ROUNDS, NEGLIGIBLE = 8, 1e-3
+#: Maximum linearizations of a lean; largest change, rad, that needs none: its square is negligible.
+LEANS, NEAR = 6, 1e-3
 #: Memory above which a calibration warns, bytes.
 MUCH = 2e9
 
@@ -55,15 +57,18 @@ class Problem:
 
 def fit_to(problem: Problem) -> Calibration:
     """Identify a robot's geometry from a checked log."""
-    leaning = leaning_of(problem.robot, problem.log, problem.options.lean)
-    if leaning is None:
+    by = leaning_of(problem.robot, problem.log, problem.options.lean)
+    if by is None:
         return _fit_upright(problem)
-
-    def fit(by: Leaning) -> Calibration:
+    step = np.zeros_like(by.amounts)
+    for _ in range(LEANS):  # linearized anew about the lean found, until it stays
+        by = replace(by, amounts=by.amounts + step)
         influences = [*problem.influences, *by.unknowns()]
-        return _fit_upright(replace(problem, log=by.upright(), influences=influences))
-
-    return leaning.fitted(fit)
+        fit = _fit_upright(replace(problem, log=by.upright(), influences=influences))
+        step = by.found(fit)
+        if np.abs(step).max() < NEAR:
+            break
+    return by.result(fit)
 
 
 def _fit_upright(problem: Problem) -> Calibration:
@@ -136,7 +141,7 @@ def _fit_upright(problem: Problem) -> Calibration:
     sigmas = sigmas_of(answer.covariance)
     found = between and between.found(answer.w, answer.differences, sigmas[linked])
     others = np.concatenate([linked[apart > 0], acted])
-    amounts = zip(influences, answer.amounts.tolist(), sigmas[acted].tolist(), strict=False)
+    amounts = (usual + answer.amounts[:k]).tolist(), sigmas[acted].tolist()
     shown = lines.rows - usually - every @ answer.amounts
     expected = after.stiff.extended_positions(answer.x, errors="nan", level=level)
     log = slice(lines.own or None)  # known poses only without a log
@@ -159,7 +164,9 @@ def _fit_upright(problem: Problem) -> Calibration:
         loss=options.loss,
         registration=answer.registered(geometry, moved, frames) if lines.tracked else None,
         differences=found,
-        influences={of.name: of.learnt(amount, s) for of, amount, s in amounts},
+        influences={
+            of.name: Learnt(*of.amount, *by) for of, *by in zip(influences, *amounts, strict=True)
+        },
         beside=answer.covariance[np.ix_(others, np.concatenate([geometry, others]))],
         rows=LogRows(*answer.rows, geometry, acted) if problem.keeps_rows else None,
     )

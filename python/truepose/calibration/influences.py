@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, finite, numbers_like, positive
-from truepose.calibration.learnt import Learnt, calibrated
+from truepose.calibration.learnt import calibrated
 from truepose.exceptions import InputError
 from truepose.robot import (
     Payloads,
@@ -32,10 +32,6 @@ class NuisanceParameter:
     name: str
     pattern: ArrayLike  #: (N, n + r) effect of one unit on each reading, m or rad
     amount: tuple[float, float]  #: prior mean and σ, in that unit
-
-    def learnt(self, amount: float, sigma: float) -> Learnt:
-        """Return the result for an identified `amount`, relative to its prior mean."""
-        return Learnt(*self.amount, self.amount[0] + amount, sigma)
 
 
 def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) -> Array:

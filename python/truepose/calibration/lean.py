@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, finite_rows, numbers_like
+from truepose.arguments import Array, finite_rows
 from truepose.calibration.expectation import poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter
-from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.logs.base_lean import MOST
@@ -27,8 +25,6 @@ from truepose.show import printed
 UNMEASURED, BIAS = math.radians(1), math.radians(0.2)
 #: Least reading per lean that counts as an effect.
 _NOTHING = 1e-9
-#: Further linearizations at most; largest lean, rad, that needs none, as its square is negligible.
-_ROUNDS, _NEAR = 5, 1e-3
 
 
 @dataclass(frozen=True)
@@ -101,29 +97,20 @@ class Leaning:
         each = zip(self.names, patterns, self.amounts.tolist(), self.sigma.tolist(), strict=True)
         return [NuisanceParameter(name=n, pattern=by, amount=(-a, s)) for n, by, a, s in each]
 
-    def fitted(self, fit: Callable[[Leaning], Calibration]) -> Calibration:
-        """Fit, linearized anew about the lean found, until it stays; poses are the base's."""
-        by, found = self, fit(self)
-        for _ in range(_ROUNDS):
-            step = by.found(found)
-            if np.abs(step).max() < _NEAR:
-                break
-            by = replace(by, amounts=by.amounts + step)
-            found = fit(by)
-        return by._result(found)
-
     def found(self, fit: Calibration) -> Array:
         """Return the unknowns' values, (k,), in a calibration."""
         return np.array([fit.influences[name].value for name in self.names])
 
-    def _result(self, fit: Calibration) -> Calibration:
-        steps, total, common = self.found(fit), {}, []
-        for name, sigma, amount in zip(self.names, self.sigma, self.amounts + steps, strict=True):
-            of = Learnt(0.0, float(sigma), float(amount), fit.influences[name].sigma)
-            total[name] = of
-            if "," not in name:
-                value, spread = printed(of.value, "rad", "+.2g"), printed(of.sigma, "rad", ".2g")
-                common.append(f"{value} ± {spread} about {name[-1]}")
+    def result(self, fit: Calibration) -> Calibration:
+        """Return a calibration by :meth:`unknowns` with the whole lean; poses are the base's."""
+        amounts = {name: fit.influences[name] for name in self.names}
+        total = {n: of._replace(prior=0.0, value=of.value - of.prior) for n, of in amounts.items()}
+        common = [
+            f"{printed(of.value, 'rad', '+.2g')} ± {printed(of.sigma, 'rad', '.2g')} "
+            f"about {name[-1]}"
+            for name, of in total.items()
+            if "," not in name
+        ]
         notes = list(fit.notes)
         if common:
             measured = self.log.base_lean is not None
@@ -132,7 +119,7 @@ class Leaning:
             how = "" if self.given else " (assumed)"
             hint = "; lean (--lean): 0 if the base is level" * (not self.given and not measured)
             notes.append(f"base leans {', '.join(common)}{beyond_imu}; σ before: {own}{how}{hint}")
-        x = fit.x + self.by_unknown(self.effect.pose) @ steps
+        x = fit.x + self.by_unknown(self.effect.pose) @ self.found(fit)
         return replace(fit, x=x, influences=fit.influences | total, notes=tuple(notes))
 
 
@@ -146,18 +133,14 @@ def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[floa
     """Return σ of the lean, rad, common and per posture; by default the assumed ones."""
     if given is None:
         return (BIAS if measured else UNMEASURED if implied else 0.0), 0.0
-    try:
-        pair: Any = [np.ravel(given)[0], 0.0] if np.size(given) == 1 else given
-        common, own = numbers_like("lean", pair, (2,))
-        good = min(common, own) >= 0 and max(common, own) <= MOST
-    except (InputError, TypeError, ValueError):
-        good = False
-    if not good:
-        raise InputError(
-            f"lean (--lean) = {given}: must be one angle, or two (common to the log, of each "
-            "posture), 0 to 45° (rad)"
-        )
-    return float(common), float(own)
+    with contextlib.suppress(TypeError, ValueError):
+        common, own = [*map(float, np.ravel(given)), 0.0][: max(np.size(given), 2)]
+        if 0 <= common <= MOST and 0 <= own <= MOST:
+            return common, own
+    raise InputError(
+        f"lean (--lean) = {given}: must be one angle, or two (common to the log, of each "
+        "posture), 0 to 45° (rad)"
+    )
 
 
 def require_effect(robot: Robot, log: Log, what: str) -> None:

@@ -10,7 +10,7 @@ from truepose.arguments import Array
 from truepose.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
-from truepose.show import Table, fixed, named
+from truepose.show import Table, fixed, named, ranges
 
 #: Largest posterior over prior σ of an identified, and of a barely identified parameter.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -139,17 +139,13 @@ def table(
 
 
 def draw(figure: Any, found: Mapping[str, Learnt]) -> None:
-    """Draw every parameter's change and posterior σ, in units of its prior σ."""
+    """Draw every parameter's change and posterior σ, in units of its prior σ, by verdict."""
+    spreads: dict[str, dict[str, Array]] = {verdict: {} for verdict in VERDICTS}
+    for name, p in found.items():
+        change = (p.value - p.prior) / p.prior_sigma
+        spreads[p.verdict][name] = change + p.ratio * np.array([-1, 0, 1])
+    panels = {"change and σ, in units of the prior σ (–)": spreads}
+    (axes,) = ranges(figure, panels, "parameter", VERDICTS)
     figure.set_size_inches(6.4, 1.0 + 0.17 * len(found))
-    axes = figure.subplots()
+    axes.tick_params("y", labelsize=7)
     axes.axvspan(-1, 1, color="0.92", zorder=0)
-    axes.axvline(0, color="0.6", lw=0.8)
-    for verdict, colour in VERDICTS.items():
-        some = {k: p for k, p in enumerate(found.values()) if p.verdict == verdict}
-        change = [(p.value - p.prior) / p.prior_sigma for p in some.values()]
-        style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
-        axes.errorbar(change, list(some), xerr=[p.ratio for p in some.values()], **style)
-    axes.set_yticks(range(len(found)), list(found), fontsize=7)
-    axes.set(ylim=(len(found) - 0.3, -0.7), ylabel="parameter")
-    axes.set_xlabel("change and σ, in units of the prior σ (–)")
-    figure.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, logs
-from truepose.arguments import Array, finite_rows, numbers_like, positive, sigmas_of
+from truepose.arguments import Array, finite_rows, numbers_like, numbers_of, positive, sigmas_of
 from truepose.calibration.bound import reference_sigmas
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot, flattened, frames
@@ -195,12 +195,7 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
     angles = angles_of(robot)
     result = np.tile(np.where(angles, ANGLE_SIGMA, SIGMA), (count, 1))
     if sigma is not None:
-        try:
-            own = np.asarray(sigma, dtype=float)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"measured_sigma: must be a number, {robot.n} or {count} × {robot.n} of them"
-            ) from None
+        own = numbers_of(sigma, "measured_sigma")
         if own.ndim == 0 and not angles.all():  # a rotational platform has no lengths
             own = np.where(angles, result, own)
         elif own.ndim == 2:  # NaN: an empty cell of a log
@@ -237,8 +232,9 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
         given = log.readings, log.measured, sigma
     if not (isinstance(given, tuple) and len(given) in (2, 3)):
         raise InputError("known_pose: must be (readings, pose), (readings, pose, σ) or a table")
-    readings, _ = flattened(robot, given[0], robot.m + robot.r, "known_pose: readings", "nan")
-    x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
+    read, pose, own = (*given, 0.0)[:3]
+    readings, _ = flattened(robot, read, robot.m + robot.r, "known_pose: readings", "nan")
+    x, _ = flattened(robot, pose, robot.n, "known_pose: pose", "nan")
     if len(readings) != len(x):
         raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
     for wrong, must in (
@@ -251,7 +247,6 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
         if wrong.any():
             raise InputError(f"known_pose: row {wrong.argmax() + 1}: {must}")
     _require_turns(robot, x, "known_pose")
-    own = given[2] if len(given) == 3 else 0.0
     rows = numbers_like("known_pose: σ", own, x.shape, "0 or greater")
     return KnownPoses(readings, x, np.array([reference_sigmas(robot, row) for row in rows]))
 

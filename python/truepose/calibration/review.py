@@ -142,11 +142,9 @@ def residuals(result: Assessment) -> Table:
     every = (result.before.residual, after.residual, result.held_out, after.sigma, fitted)
     for k, name in enumerate(result.names):
         factor, unit = in_print(robot, name)
-        values = [_rms(column[good, k]) for column in every]
-        if values[0] is None and values[1] is None:
-            continue
-        cells = [number(None if v is None else factor * v) for v in values]
-        rows.append([named("reading", name, unit), *cells])
+        values = [_rms(factor * column[good, k]) for column in every]
+        if values[0] is not None or values[1] is not None:
+            rows.append([named("reading", name, unit), *map(number, values)])
     header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
 
