@@ -209,7 +209,7 @@ def test_stretched_legs_are_told_from_their_offsets_by_what_they_carry():
     fit = calibrate(robot, q_e, influences=[legs])
     of = fit.influences["compliance"]
     assert abs(of.value - 2e-7) < 3 * of.sigma and of.sigma < 0.5e-6
-    assert fit.beside.shape == (1, len(fit.names) + 1)
+    assert len(fit.joint_covariance) == len(fit.names) + 1
 
 
 def test_an_influence_that_is_known_is_taken_off():

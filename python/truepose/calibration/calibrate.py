@@ -37,6 +37,7 @@ from truepose.calibration.registration import KnownPose
 from truepose.exceptions import InputError, PoseError
 from truepose.logs import Log
 from truepose.robot import Payloads, Robot, require_robot
+from truepose.robot.conditions import reading_offsets
 
 #: Factor of the σ from which a misfit is notable.
 NOTABLE = 1.2
@@ -273,27 +274,14 @@ def doubted(fit: Calibration) -> bool:
 
 def of_no_length(robot: Robot, log: Log) -> str:
     """Name the rows in which a cable or leg that is read may have no length, within 3 σ."""
-    lengths = {
-        k: f"chain{k + 1}.encoder_offset"
-        for k, chain in enumerate(robot.spec.chain)
-        if chain.actuator == "telescopic"
-    }
-    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    lengths |= {
-        robot.m + k: f"{name}.offset"
-        for k, name in enumerate(robot.sensors)
-        if kinds[name] == "distance"
-    }
+    kinds = [*robot.spec.actuators, *(sensor.kind for sensor in robot.spec.used)]
     said = []
-    for k, offset in lengths.items():
-        rows = np.flatnonzero(np.abs(log.readings[:, k]) <= 3 * robot.parameters[offset].sigma)
-        if len(rows):
-            said.append(f"{robot.readings[k]} in {log.at(rows)}")
-    if not said:
-        return ""
-    where = ", ".join(said)
+    for k, offset in enumerate(reading_offsets(robot)):
+        short = np.abs(log.readings[:, k]) <= 3 * robot.parameters[offset].sigma
+        if kinds[k] in ("telescopic", "distance") and short.any():
+            said.append(f"{robot.readings[k]} in {log.at(np.flatnonzero(short))}")
     why = "may be a cable or leg of no length, which has no direction"
-    return f"{where}: {why}: stop 0.1 m before the anchor"
+    return f"{', '.join(said)}: {why}: stop 0.1 m before the anchor" if said else ""
 
 
 def furthest(robot: Robot, log: Log) -> str:

@@ -50,7 +50,7 @@ class Calibration(Shown):
     prior: Robot  #: the robot before
     level: Level
     names: tuple[str, ...]  #: of the p parameters
-    covariance: Array  #: (p, p)
+    joint_covariance: Array  #: (p + k, p + k) of the parameters and of `others`
     prior_covariance: Array  #: (p, p)
     x: Array  #: (N, n) poses at which the readings were taken; NaN where left out
     residuals: Array  #: (N, n + r) read less expected
@@ -64,9 +64,6 @@ class Calibration(Shown):
     registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were
     influences: dict[str, Learnt] = field(default_factory=dict)  #: amounts of each
-    beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    #: (k, p + k) covariance of differences' unknowns, then of influences' amounts, with the
-    #: parameters, then with each other
     causes: Causes = NO_CAUSE  #: what was found to be wrong with log or robot
     notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
     rows: LogRows | None = None  #: kept by a search for causes
@@ -117,10 +114,10 @@ class Calibration(Shown):
         return {**(self.differences.unknowns if self.differences else {}), **self.influences}
 
     @property
-    def joint_covariance(self) -> Array:
-        """Covariance of the parameters and of `others`, (p + k, p + k)."""
-        cross, own = np.split(self.beside, [len(self.names)], axis=1)
-        return np.block([[self.covariance, cross.T], [cross, own]])
+    def covariance(self) -> Array:
+        """Covariance of the parameters, (p, p)."""
+        p = len(self.names)
+        return self.joint_covariance[:p, :p]
 
     @property
     def outliers(self) -> Array:

@@ -140,7 +140,7 @@ def _fit_upright(problem: Problem) -> Calibration:
             break
     sigmas = sigmas_of(answer.covariance)
     found = between and between.found(answer.w, answer.differences, sigmas[linked])
-    others = np.concatenate([linked[apart > 0], acted])
+    free = np.concatenate([geometry, linked[apart > 0], acted])
     amounts = (usual + answer.amounts[:k]).tolist(), sigmas[acted].tolist()
     shown = lines.rows - usually - every @ answer.amounts
     expected = after.stiff.extended_positions(answer.x, errors="nan", level=level)
@@ -151,7 +151,7 @@ def _fit_upright(problem: Problem) -> Calibration:
         prior=robot.with_calibration(robot.spec.calibration),
         level=level,
         names=tuple(names),
-        covariance=covariance,
+        joint_covariance=answer.covariance[np.ix_(free, free)],
         prior_covariance=root @ root.T,
         x=answer.x[log],
         residuals=_core.innovation(robot.core, shown, expected)[0][log],
@@ -167,7 +167,6 @@ def _fit_upright(problem: Problem) -> Calibration:
         influences={
             of.name: Learnt(*of.amount, *by) for of, *by in zip(influences, *amounts, strict=True)
         },
-        beside=answer.covariance[np.ix_(others, np.concatenate([geometry, others]))],
         rows=LogRows(*answer.rows, geometry, acted) if problem.keeps_rows else None,
     )
     notes = [
@@ -337,8 +336,7 @@ def inflated(fit: Calibration, why: str) -> Calibration:
     return replace(
         fit,
         robot=fit.robot.with_calibration(learnt.model_copy(update={"root": root})),
-        covariance=square * fit.covariance,
-        beside=square * fit.beside,
+        joint_covariance=square * fit.joint_covariance,
         registration=seen
         and replace(seen, covariance=square * seen.covariance, cross=square * seen.cross),
         notes=(*fit.notes, f"{why}: all σ are enlarged by {factor:.2g}"),

@@ -283,11 +283,11 @@ def _root(
         joint[:own, at], joint[at, :own] = learnt.cross, learnt.cross.T
         joint[at, at] = learnt.covariance
     elif shared:
-        old = [earlier.index(name) for name in shared]
+        old = [own + earlier.index(name) for name in shared]
         new = [p + len(frames) + list(others).index(name) for name in shared]
-        joint[:own, new] = after.beside[old, :own].T
+        joint[:own, new] = after.joint_covariance[:own, old]
         joint[new, :own] = joint[:own, new].T
-        joint[np.ix_(new, new)] = after.beside[:, own:][np.ix_(old, old)]
+        joint[np.ix_(new, new)] = after.joint_covariance[np.ix_(old, old)]
     scale = sigmas_of(joint)
     inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
     values, vectors = np.linalg.eigh(inverse[:, None] * joint * inverse)

@@ -102,9 +102,8 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
         robot=robot,
         prior=prior,
         names=tuple(every),
-        covariance=joint[:q, :q],
         prior_covariance=prior_covariance[:q, :q],
-        beside=joint[q:],
+        joint_covariance=joint,
         registration=seen and replace(seen, cross=T[:q, :p] @ seen.cross),
     )
     return fit, replace(of.log, readings=factor * readings + shift)
