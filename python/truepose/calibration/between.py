@@ -66,19 +66,32 @@ class Between:
         if not 0 <= self.shrinkage <= 1:
             raise InputError(f"shrinkage (--shrinkage) = {self.shrinkage}: must be 0 to 1")
 
-    def of(self, robot: Robot, log: Log) -> list[Difference]:
-        """Return the differences between the rows left in `log`; single touches are skipped."""
+    def of(self, robot: Robot, log: Log, whole: bool = False) -> list[Difference]:
+        """Return the differences between the rows of a log.
+
+        Raises InputError for touched features that give no equation; of single touches, which are
+        skipped in part of a log, only in the `whole` one.
+        """
         touched = _touched(log)
         tool = self._places(robot, log) if touched else np.zeros((0, 3))
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
         result: list[Difference] = []
+        linear = [name for name, unit in robot.coordinates if unit == "m"]
+        ends = {line for of in self.distances for line in of.lines}
         for column, name, rows in touched:
+            normal = PLANES.get(column, "")
+            if not linear or (normal and normal not in linear):
+                raise InputError(f"{column} {name}: {robot.name} has no {normal or 'x, y or z'}")
             if len(rows) < 2:
+                if whole and not (column == POINT and int(log.lines[rows[0]]) in ends):
+                    raise InputError(
+                        f"{log.at(rows)}: {column} '{name}' is on no other {log.word}: a single "
+                        "touch gives no equation"
+                    )
                 continue
             above = log.above.get(column, np.zeros(len(log.lines)))[rows]
-            planes = [(f"{column} {name}", PLANES.get(column, ""))]
+            planes = [(f"{column} {name}", normal)]
             if column == POINT:  # coordinates are the same unknowns at every touch
-                linear = [axis for axis, unit in robot.coordinates if unit == "m"]
                 planes = [(f"point {name}, {axis}", axis) for axis in linear]
             for called, axis in planes:
                 heights = tool[rows, AXES.index(axis)] - above
@@ -115,19 +128,6 @@ class Between:
             )
         return result
 
-    def check(self, robot: Robot, log: Log) -> None:
-        """Raise InputError for touched features that give no equation."""
-        linear = [name for name, unit in robot.coordinates if unit == "m"]
-        ends = {line for of in self.distances for line in of.lines}
-        for column, name, rows in _touched(log):
-            axis = PLANES.get(column)
-            if not linear or (axis and axis not in linear):
-                raise InputError(f"{column} {name}: {robot.name} has no {axis or 'x, y or z'}")
-            if len(rows) < 2 and not (column == POINT and int(log.lines[rows[0]]) in ends):
-                raise InputError(
-                    f"{log.at(rows)}: {column} '{name}' is on no other {log.word}: a single "
-                    "touch gives no equation"
-                )
 
     def in_millimetres(self, robot: Robot, log: Log) -> bool:
         """Return whether distances are mostly far beyond all places of the log."""

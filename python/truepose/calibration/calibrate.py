@@ -137,9 +137,7 @@ def calibrate(
     forms = [each.form for each in (log, known) if isinstance(each, Log)]
     logs.orientation.require_used(options.euler, *forms)
     if table:
-        if not differences:
-            Between().check(robot, log)
-            differences = Between().of(robot, log)
+        differences = differences or Between().of(robot, log, whole=True)
         log, findings = log_checks.check(robot, log, measurements(differences))
         notes = [finding.text for finding in findings if not finding.refused]
         refused = [finding.text for finding in findings if finding.refused]

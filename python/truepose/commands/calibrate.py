@@ -119,8 +119,7 @@ def command(
             if between.in_millimetres(made, table):
                 raise InputError(f"{distances}: distance: in mm, must be m")
         try:
-            between.check(made, table)
-            counted = measurements(between.of(made, table))
+            counted = measurements(between.of(made, table, whole=True))
             table, findings = log_checks.check(made, table, counted)
             done("log checked")
             unused = f"columns not used: {', '.join(table.unused)}"
