@@ -62,17 +62,13 @@ def assess(
     `progress` is called with each step's name, `searched` with the share of causes tried;
     `refused` are the reasons of a check against a fit, unless a cause is found.
     """
-    robot, log = case.robot, case.log
-    if log.measured is not None:
-        angle = case.options.measured_angle_sigma
-        given = sigmas(robot, log.measured_sigma, angle, len(log.lines))
-        log = replace(log, measured_sigma=given)
+    robot, log, angle = case.robot, case.log, case.options.measured_angle_sigma
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
-        sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
+        sigma = sigmas(robot, part.measured_sigma, angle, len(part.lines))
         return expect(by, part.readings, part.measured, sigma, of, fit.level, part.loads)
 
-    case = replace(case, log=log, differences=between.of(robot, log))
+    case = replace(case, differences=between.of(robot, log))
     fit, of = explained(case, refused, searched)
     fit, log = as_read(fit, of)
     progress("fit")
