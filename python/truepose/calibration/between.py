@@ -128,7 +128,6 @@ class Between:
             )
         return result
 
-
     def in_millimetres(self, robot: Robot, log: Log) -> bool:
         """Return whether distances are mostly far beyond all places of the log."""
         place = self._places(robot, log)

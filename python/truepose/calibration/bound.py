@@ -165,10 +165,10 @@ def accuracy(
         return at
 
     touched, reference = one(reference_pose, "reference_pose"), one(relative_to, "relative_to")
-    sigma = reference_sigmas(robot, reference_sigma)
     if calibrated_on is not None or reference_pose is not None:
         given = nowhere if calibrated_on is None else calibrated_on
-        root = after_visiting(robot, given, level, model_error, touched, sigma, differences)
+        at = touched, reference_sigma, differences
+        root = after_visiting(robot, given, level, model_error, *at)
         known = knowledge.knowledge(robot, root, level=level, error=model_error, at_work=True)
     P = _bound(model, known, rows, lead, level, errors, "poses", reference)
     state = state_of(calibrated_on, reference_pose)
@@ -198,7 +198,7 @@ def after_visiting(
     level: Level,
     model_error: bool = True,
     touched: Array | None = None,
-    reference_sigma: Sequence[float] = (),
+    reference_sigma: ArrayLike | float = 0.0,
     differences: Sequence[Difference] = (),
 ) -> Array:
     """Return the root of Σ_ξ after a calibration at `poses`, (N, n), and at `touched`, known."""
@@ -220,7 +220,7 @@ def after_visiting(
         known.core,
         np.concatenate([visited, touched]),
         np.concatenate([np.full_like(visited, np.nan), touched]),
-        np.array([reference_sigma or [1.0] * robot.n]),
+        np.array([reference_sigmas(robot, reference_sigma)]),
         np.eye(4),
         np.eye(4),
         -1,

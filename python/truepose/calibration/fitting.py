@@ -139,7 +139,7 @@ def _fit_upright(problem: Problem) -> Calibration:
         if not np.any(moves):
             break
     sigmas = sigmas_of(answer.covariance)
-    found = between and between.found(answer.w, answer.differences, sigmas[linked])
+    found = between.found(answer.w, answer.differences, sigmas[linked]) if between else None
     free = np.concatenate([geometry, linked[apart > 0], acted])
     amounts = (usual + answer.amounts[:k]).tolist(), sigmas[acted].tolist()
     shown = lines.rows - usually - every @ answer.amounts

@@ -178,11 +178,11 @@ class OnlineCalibrator:
         """
         robot = self._robot
         rows, lead = flattened(robot, q_e, robot.m + robot.r, "q_e", errors)
-        used = np.full(len(rows), True)
+        used: Array = np.full(len(rows), True)
         if health is not None:
             if np.shape(health) != np.shape(q_e):
                 raise InputError(f"health: shape {np.shape(health)}, must be that of q_e")
-            used = ~np.reshape(health, rows.shape).any(axis=1)
+            used = np.asarray(~np.reshape(health, rows.shape).any(axis=1))
         x = np.full((len(rows), robot.n), np.nan)
         x[used], status, chain = self._filter.observe(rows[used], np.zeros(0))
         require_answers(robot, "reading", rows[used], lead, status, chain, errors, name="q_e")
