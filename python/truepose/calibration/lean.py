@@ -134,7 +134,7 @@ def sigmas(given: ArrayLike | None, measured: bool, implied: bool) -> tuple[floa
     if given is None:
         return (BIAS if measured else UNMEASURED if implied else 0.0), 0.0
     with contextlib.suppress(TypeError, ValueError):
-        common, own = [*map(float, np.ravel(given)), 0.0][: max(np.size(given), 2)]
+        common, own = [*map(float, np.atleast_1d(given)), 0.0][: max(np.size(given), 2)]
         if 0 <= common <= MOST and 0 <= own <= MOST:
             return common, own
     raise InputError(
