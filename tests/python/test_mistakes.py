@@ -74,6 +74,18 @@ MISTAKES = {
         lambda: tp.calibration.Registration(marker=0.1),
         "marker = 0.1: must be 3 numbers",
     ),
+    "a pattern of other rows": (
+        lambda: tp.calibrate(
+            H4,
+            H4.read(np.tile(X, (9, 1)), seed=1),
+            influences=[
+                tp.calibration.NuisanceParameter(
+                    name="heat", pattern=np.ones((3, 5)), amount=(0.0, 1.0)
+                )
+            ],
+        ),
+        r"heat: pattern: shape \(3, 5\), must be \(9, 5\)",
+    ),
     "a force of one number": (
         lambda: Disturbance("contact", 0.1, force=3.0),
         "force = 3.0: must be a list",

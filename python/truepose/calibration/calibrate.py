@@ -30,7 +30,7 @@ from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import UNITS, fit_to, inflated, misfit
-from truepose.calibration.influences import NuisanceParameter
+from truepose.calibration.influences import NuisanceParameter, patterns
 from truepose.calibration.lean import leaning_of
 from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import KnownPose
@@ -163,7 +163,8 @@ def explained(
     cause that is not applied, for undecided ones, and for `refused` without a cause.
     """
     log, cause, none = case.log, case.options.cause, case.nothing()
-    leaning_of(case.robot, log, case.options.lean)  # a wrong lean is not searched for
+    leaning_of(case.robot, log, case.options.lean)  # a wrong lean or pattern is not searched for
+    patterns(case.robot, case.influences, len(log.readings))
     if cause == "ignore" or not len(log.readings):
         if refused:
             raise InputError(f"readings: {'; '.join(refused)}")
