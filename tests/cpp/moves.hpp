@@ -1,0 +1,20 @@
+// Straight moves of a simulated robot.
+#pragma once
+
+#include <cmath>
+
+#include "simulation/simulate.hpp"
+
+namespace mechanisms {
+
+/// Runs a straight quintic move of `duration`, s, from rest, and then holds its end; calls
+/// write(sample) once per period, end included.
+inline Outcome move(Loop&& loop, Mobility mobility, const Coordinates& from, const Coordinates& to,
+                    double duration, double hold, const Write& write, int steps = 2,
+                    double period = 1e-3) {
+  return loop.follow(
+      int(std::lround((duration + hold) / period)), steps,
+      [&](double k) { return quintic(mobility, from, to, duration, k * period); }, write);
+}
+
+}  // namespace mechanisms
