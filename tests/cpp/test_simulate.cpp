@@ -53,9 +53,11 @@ TEST_EACH(for_each,
           "behind a guard that passes all torques a robot moves as without, once it may") {
   check::Random random(67);
   const Coordinates to = any_x(random, 0.5);
-  const ControlSettings settings = settings_for(robot, Law::joint);
+  const ControlSettings settings = settings_for(robot, Law::tej);
+  MultirateSettings slow;
+  slow.every[0] = 4, slow.age[0] = 2;
   const auto logged = [&](Guard* guard) {
-    Extras extras;
+    Extras extras{.bus = &slow, .late = &slow};
     extras.guard = guard;
     std::vector<Sample> log;
     CHECK(move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home, to, 0.1, 0,

@@ -293,16 +293,12 @@ def simulate(
     whole = held(setpoints, run.hold / period)
     samples, status, chain = prepared.loop.follow(*whole)
     *log, _ = members(robot, samples)
-    ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * period)
+    guilty = f"chain {chain + 1}: " if chain >= 0 else ""
+    why = f"{len(log[0]) * period:.3f} s: {guilty}{_core.describe(status)}"
+    ended = f"stopped after {why}" if status > 0 else ""
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")
     if limits and not ended:
         limits.require_started(len(whole.x), samples["machine"])
     name = law_name(controller.law)
     return Simulation(robot, prepared.truth, controller, *log, run.hold, tuple(faults), ended, name)  # type: ignore[call-arg]
-
-
-def _ended(status: int, chain: int, after: float) -> str:
-    """Return when, s, and why a run ended early."""
-    guilty = f"chain {chain + 1}: " if chain >= 0 else ""
-    return f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"

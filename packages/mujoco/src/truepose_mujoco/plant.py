@@ -151,8 +151,9 @@ class _Drive:
         safety, limits = self.plant.safety, self.limits
         guard = safety.guard(limits) if safety and limits else None
         own = self.believed.core, self.believed.core, self.settings, self.known, _core.Effects()
-        begin = 1, self.robot.home, 0, None
-        self.state = _core.Simulation(*own, None, [], self.monitor, self.slow, [], guard, *begin)
+        self.state = _core.Simulation(
+            *own, None, [], self.monitor, self.slow, [], guard, 1, self.robot.home, 0, None
+        )
         if guard:
             cycle = 0
             while self.state.starts(cycle):  # the brakes hold the robot

@@ -133,10 +133,10 @@ def visit(
     run.check(controller)
     prepared = prepare(robot, truth, controller, robot.home, run, effects, faults, monitor)
     x, q_e = np.full_like(rows, np.nan), np.full((len(rows), robot.m + robot.r), np.nan)
-    words, begin, hold = [], robot.home, run.hold / controller.period
+    words, begin, period = [], robot.home, controller.period
     for k, end in enumerate(rows):
-        move = Line(start=begin, end=end, duration=run.duration).setpoints(robot, controller.period)
-        samples, status, _ = prepared.loop.follow(*held(move, hold))
+        move = Line(start=begin, end=end, duration=run.duration).setpoints(robot, period)
+        samples, status, _ = prepared.loop.follow(*held(move, run.hold / period))
         word = _core.describe(status)
         if status <= 0:
             begin = end
