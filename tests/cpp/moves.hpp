@@ -10,11 +10,11 @@ namespace mechanisms {
 /// Runs a straight quintic move of `duration`, s, from rest, and then holds its end; calls
 /// write(sample) once per period, end included.
 inline Outcome move(Loop&& loop, Mobility mobility, const Coordinates& from, const Coordinates& to,
-                    double duration, double hold, const Write& write, int steps = 2,
-                    double period = 1e-3) {
+                    double duration, double hold, const Write& write) {
+  constexpr double kPeriod = 1e-3;  // of ControlSettings
   return loop.follow(
-      int(std::lround((duration + hold) / period)), steps,
-      [&](double k) { return quintic(mobility, from, to, duration, k * period); }, write);
+      int(std::lround((duration + hold) / kPeriod)), 2,
+      [&](double k) { return quintic(mobility, from, to, duration, k * kPeriod); }, write);
 }
 
 }  // namespace mechanisms

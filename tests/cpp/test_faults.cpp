@@ -88,7 +88,7 @@ TEST_EACH(for_each,
           ++cycles, held += !answered;
         };
         const Outcome outcome = move(Loop(robot, robot, settings, robot.home, 0, extras), K,
-                                     robot.home, to, 0.05, 0.03, write, 1);
+                                     robot.home, to, 0.05, 0.03, write);
         CHECK(outcome ? cycles == 81 : cycles > 20);  // or the plant's end
         if (row.kind == FaultKind::dropout && reading == 0) CHECK(held > 0);
       }

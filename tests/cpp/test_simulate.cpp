@@ -56,8 +56,8 @@ TEST_EACH(for_each,
   const ControlSettings settings = settings_for(robot, Law::tej);
   MultirateSettings slow;
   slow.every[0] = 4, slow.age[0] = 2;
-  const auto logged = [&](Guard* guard) {
-    Extras extras{.bus = &slow, .late = &slow};
+  const auto logged = [&](Guard* guard, const MultirateSettings* late = nullptr) {
+    Extras extras{.bus = late, .late = late};
     extras.guard = guard;
     std::vector<Sample> log;
     CHECK(move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home, to, 0.1, 0,
@@ -71,6 +71,8 @@ TEST_EACH(for_each,
   CHECK(bare.size() == 101 && guarded.size() == 101);
   for (std::size_t k = 0; k < bare.size(); ++k)
     CHECK(bare[k].x == guarded[k].x && bare[k].machine.torque == guarded[k].machine.torque);
+  const Pose late = to_pose(K, logged(nullptr, &slow).back().x);
+  CHECK_NEAR(distance(K, to_pose(K, logged(&guard, &slow).back().x), late), 0, 1e-9);
   CHECK(logged(&never).size() == 1);
 }
 
