@@ -47,7 +47,7 @@ struct Faulty {
         if (sample.health[c] == Health::failed) bits |= bit(c);
     };
     static_cast<void>(
-        move(Loop(robot, robot, settings, from, 0, extras), K, from, to, 0.3, 0.2, write));
+        run_move(Loop(robot, robot, settings, from, 0, extras), K, from, to, 0.3, 0.2, write));
     return bits;
   }
 

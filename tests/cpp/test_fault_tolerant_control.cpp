@@ -289,8 +289,8 @@ TEST_EACH(for_each,
       lied = lied || sample.health[0] != Health::valid;
       if (!lied) lines = learner.lines;
     };
-    CHECK(move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home,
-               any_x(random, 0.3), 0.1, 0.02, write));
+    CHECK(run_move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home,
+                   any_x(random, 0.3), 0.1, 0.02, write));
     CHECK(lied && lines > 0);
     CHECK(learner.left_out == 0);  // such a line fits nothing
     CHECK(kind == FaultKind::spike ? learner.lines > lines : learner.lines == lines);

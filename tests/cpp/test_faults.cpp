@@ -87,8 +87,8 @@ TEST_EACH(for_each,
           before = sample.machine.torque;
           ++cycles, held += !answered;
         };
-        const Outcome outcome = move(Loop(robot, robot, settings, robot.home, 0, extras), K,
-                                     robot.home, to, 0.05, 0.03, write);
+        const Outcome outcome = run_move(Loop(robot, robot, settings, robot.home, 0, extras), K,
+                                         robot.home, to, 0.05, 0.03, write);
         CHECK(outcome ? cycles == 81 : cycles > 20);  // or the plant's end
         if (row.kind == FaultKind::dropout && reading == 0) CHECK(held > 0);
       }

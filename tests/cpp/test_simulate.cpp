@@ -17,9 +17,9 @@ TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and e
       strayed = std::max(strayed, distance(K, to_pose(K, sample.x), to_pose(K, sample.x_d)));
       last = sample;
     };
-    CHECK(
-        move(Loop(robot, robot, settings_for(robot, law), robot.home, 0, Extras{prior.weighing()}),
-             K, robot.home, to, 0.3, 0.2, write));
+    CHECK(run_move(
+        Loop(robot, robot, settings_for(robot, law), robot.home, 0, Extras{prior.weighing()}), K,
+        robot.home, to, 0.3, 0.2, write));
     CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
     CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, to)), 0, 1e-6);
   }
@@ -60,8 +60,8 @@ TEST_EACH(for_each,
     Extras extras{.bus = late, .late = late};
     extras.guard = guard;
     std::vector<Sample> log;
-    CHECK(move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home, to, 0.1, 0,
-               [&](const Sample& sample) { log.push_back(sample); }));
+    CHECK(run_move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home, to, 0.1, 0,
+                   [&](const Sample& sample) { log.push_back(sample); }));
     return log;
   };
   Passing guard, never;

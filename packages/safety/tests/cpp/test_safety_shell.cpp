@@ -251,7 +251,7 @@ TEST("a run begins however long the brakes of its safety shell take to open") {
   Extras extras;
   extras.guard = &guard;
   std::size_t rows = 0;
-  CHECK(move(Loop(robot, robot, settings, robot.home, 0, extras), robot.mobility, robot.home,
-             robot.home, 0.1, 0, [&](const Sample&) { ++rows; }));
+  CHECK(run_move(Loop(robot, robot, settings, robot.home, 0, extras), robot.mobility, robot.home,
+                 robot.home, 0.1, 0, [&](const Sample&) { ++rows; }));
   CHECK(rows == 101);
 }
