@@ -262,10 +262,10 @@ class SafetyLimits(Shown):
             ]
             raise InputError(f"safety: the path leaves box: it spans {', '.join(outside)}")
 
-    def require_started(self, rows: int, shell: Array) -> None:
-        """Raise PoseError if the guard, by its reports, did not start a run of so many rows."""
-        if len(shell) == 1 and (rows > 1 or shell["state"][0] != _RUNNING):
-            raise not_started(self.robot, shell["cause"][0])
+    def require_started(self, rows: int, state: Array, cause: Array) -> None:
+        """Raise PoseError if the guard did not start a run of so many rows."""
+        if len(state) == 1 and (rows > 1 or state[0] != _RUNNING):
+            raise not_started(self.robot, cause[0])
 
     def _require_consistent(self) -> None:
         status, motor = _core.consistent(self.core, self.robot.m, self.robot.n)

@@ -299,6 +299,7 @@ def simulate(
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")
     if limits and not ended:
-        limits.require_started(len(whole.x), samples["machine"])
+        machine = samples["machine"]
+        limits.require_started(len(whole.x), machine["state"], machine["cause"])
     name = law_name(controller.law)
     return Simulation(robot, prepared.truth, controller, *log, run.hold, tuple(faults), ended, name)  # type: ignore[call-arg]
