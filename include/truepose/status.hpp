@@ -1,6 +1,11 @@
 // The result of every function of the real-time core.
 #pragma once
 
+#include <array>
+#include <cstddef>
+
+#include "truepose/truepose.h"
+
 namespace truepose {
 /// Result of every core function; nothing throws. Below 0: answer with a warning; above 0: none.
 enum class [[nodiscard]] Status : int {
@@ -25,37 +30,44 @@ enum class [[nodiscard]] Status : int {
   no_such_value = 15,  ///< a number outside its valid range, or a matrix that is no rotation
 };
 
+/// Texts of all statuses, in their order.
+inline constexpr std::array kStatusTexts{
+    "stopped learning",
+    "readings disagree",
+    "near singular",
+    "ok",
+    "unreachable",
+    "singular",
+    "branch lost",
+    "not finite",
+    "not measured",
+    "no full level",
+    "beyond a joint limit",
+    "not converged",
+    "no such part",
+    "fewer motors than freedoms, or more than a function takes",
+    "not finished",
+    "not for a mechanism of bodies and closures",
+    "made for another version",
+    "too little memory, or not aligned",
+    "no such value",
+};
+static_assert(kStatusTexts.size() == 1 + int(Status::no_such_value) - int(Status::stopped));
+
 /// Text of a status.
 constexpr const char* describe(Status status) {
-  switch (status) {
-    case Status::stopped: return "stopped learning";
-    case Status::disagree: return "readings disagree";
-    case Status::near_singular: return "near singular";
-    case Status::ok: return "ok";
-    case Status::unreachable: return "unreachable";
-    case Status::singular: return "singular";
-    case Status::branch_lost: return "branch lost";
-    case Status::not_finite: return "not finite";
-    case Status::not_measured: return "not measured";
-    case Status::no_full_level: return "no full level";
-    case Status::joint_limit: return "beyond a joint limit";
-    case Status::not_converged: return "not converged";
-    case Status::no_such_part: return "no such part";
-    case Status::not_square: return "fewer motors than freedoms, or more than a function takes";
-    case Status::unfinished: return "not finished";
-    case Status::no_chains: return "not for a mechanism of bodies and closures";
-    case Status::other_version: return "made for another version";
-    case Status::too_small: return "too little memory, or not aligned";
-    case Status::no_such_value: return "no such value";
-  }
-  return "unknown status";
+  const auto k = std::size_t(int(status) - int(Status::stopped));
+  return k < kStatusTexts.size() ? kStatusTexts[k] : "unknown status";
 }
 
 /// Status and its chain, of a described mechanism its closure (joint_limit: motor), for `disagree`
 /// its reading (0-based, -1: none). True: there is an answer.
 struct [[nodiscard]] Outcome {
-  Status status = Status::ok;
-  int chain = -1;
+  Status status;
+  int chain;
+  constexpr Outcome(Status of = Status::ok, int at = -1) : status(of), chain(at) {}
+  /// From C's.
+  constexpr Outcome(truepose_outcome of) : Outcome(Status{of.status}, of.part) {}
   constexpr explicit operator bool() const { return status <= Status::ok; }
 };
 }  // namespace truepose

@@ -9,8 +9,7 @@ using namespace truepose;
 namespace truepose::c {
 namespace {
 Outcome sound(const Robot& robot, const truepose_knowledge& prior, const truepose_log& log) {
-  if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_SQUARES)
-    return {Status::no_such_part};
+  if (log.rows < 1 || log.loss < 0 || log.loss > TRUEPOSE_LOSS_SQUARES) return Status::no_such_part;
   for (int k = 0; log.measured && k < dof(robot.mobility); ++k)
     if (!(log.measured_sigma[k] > 0)) return {Status::no_such_value, k};
   for (int k : range(robot.motors + robot.r))
@@ -47,7 +46,7 @@ Outcome calibrate(const Robot& drawn, const truepose_knowledge& prior, const dou
   for (int k : range(log.rows))
     if (fit.redundancy[k] > 0 && fit.weight[k] > 0)
       redundancy += fit.redundancy[k], chi2 += fit.chi2[k];
-  if (redundancy == 0) return {Status::not_measured};
+  if (redundancy == 0) return Status::not_measured;
   result.iterations = fit.iterations, result.cost = fit.cost;
   result.rms = sqrt(chi2 / redundancy);
   result.used = int(std::count(fit.status.begin(), fit.status.end(), Status::ok));

@@ -12,7 +12,7 @@ bool law_exists(Law law) { return below(law, kLawTable.size()); }
 
 Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int least) {
   const int all = parameter_count(robot);
-  if (known.count < least || known.count > all) return {Status::no_such_part};
+  if (known.count < least || known.count > all) return Status::no_such_part;
   for (int k : range(known.count))
     if (known.column[k] < 0 || known.column[k] >= all) return {Status::no_such_part, k};
   return {};
@@ -20,15 +20,15 @@ Outcome columns_exist(const Robot& robot, const truepose_knowledge& known, int l
 
 Outcome sound(const ControlSettings& s) {
   if (!law_exists(s.law) || !below(s.gains, 2) || !below(s.feed_forward, 3))
-    return {Status::no_such_part};
-  if (!finite(s)) return {Status::not_finite};
+    return Status::no_such_part;
+  if (!finite(s)) return Status::not_finite;
   const bool good = s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 &&
                     s.lead_out >= 0 && s.sigma_scale >= 0;
   return {good ? Status::ok : Status::no_such_value};
 }
 
 Outcome sound(const FaultMonitorSettings& s) {
-  if (!finite(s)) return {Status::not_finite};
+  if (!finite(s)) return Status::not_finite;
   bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
               s.spikes <= kSpikesKept && s.within > 0;
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
@@ -40,7 +40,7 @@ Outcome sound(const FaultMonitorSettings& s) {
 }
 
 Outcome sound(const SafetyLimits& limits) {
-  if (!finite(limits)) return {Status::not_finite};
+  if (!finite(limits)) return Status::not_finite;
   return {limits.period > 0 ? Status::ok : Status::no_such_value};
 }
 
@@ -131,7 +131,7 @@ truepose_outcome truepose_controller_init(truepose_controller* controller, size_
 
 truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law) {
   return with(controller)([&](Controller& made) -> Outcome {
-    if (!law_exists(Law{law})) return {Status::no_such_part};
+    if (!law_exists(Law{law})) return Status::no_such_part;
     made.settings.law = Law{law};
     return {};
   });
@@ -144,10 +144,9 @@ truepose_outcome truepose_controller_servo(const truepose_model* model,
                                            truepose_servo_cycle* cycle) {
   return with(model, controller)([&](const Robot& robot, Controller& made) {
     const ControlSettings& settings = made.settings;
-    const Known weighs(robot, known, work, &made.kept, made.weighs());
-    if (!weighs.sound) return weighs.sound;
+    const Present now(robot, made, q_e, known, work);
+    if (!now.sound) return now.sound;
     Nearby nearby = made.state.nearby;
-    const Present now(robot, made, q_e, weighs.weighing);
     const Scaled scaled(now.weighing, settings.sigma_scale);
     const Outcome outcome = servo(robot, settings.law, settings.damped_below, x_d, now.q_e,
                                   scaled.weighing, &nearby, cycle);
@@ -162,9 +161,8 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
                                   const truepose_knowledge* known, truepose_real* work,
                                   truepose_real* torque) {
   return with(model, controller)([&](const Robot& robot, Controller& made) {
-    const Known weighs(robot, known, work, &made.kept, made.weighs());
-    if (!weighs.sound) return weighs.sound;
-    const Present now(robot, made, q_e, weighs.weighing);
+    const Present now(robot, made, q_e, known, work);
+    if (!now.sound) return now.sound;
     const Outcome outcome =
         control(robot, made.settings, in<Setpoint>(setpoint), now.q_e, made.state, now.weighing);
     out(made.state.torque, torque);
@@ -190,7 +188,7 @@ truepose_outcome truepose_controller_sensors(truepose_controller* controller,
     if (sensors && slow == nullptr) return kUnfinished;
     made.late = slow ? &slow->late : nullptr;
     made.compensate = [](const Robot& robot, Multirate& late, Present& now) {
-      now.weighing = compensated(robot, now.weighing, late, now.known, now.q_e);
+      now.weighing = compensated(robot, now.weighing, late, now.present, now.q_e);
     };
     return Outcome{};
   });
@@ -291,7 +289,7 @@ truepose_outcome truepose_fault_monitor_frame(truepose_fault_monitor* monitor, u
 truepose_outcome truepose_fault_monitor_led(truepose_fault_monitor* monitor,
                                             const truepose_real* led) {
   return with(monitor)([&](FaultTolerantSetup& setup) -> Outcome {
-    if (!all_finite(led, kMaxMotors)) return {Status::not_finite};
+    if (!all_finite(led, kMaxMotors)) return Status::not_finite;
     setup.state.monitor.led = in<Joint>(led);
     return {};
   });

@@ -26,18 +26,15 @@ using Controller = Held<truepose_controller>;
 
 /// Readings of a cycle, slow and delayed ones as of now, and their σ. Without a fault monitor,
 /// which has them as they are.
-struct Present {
+struct Present : Known {
   Extended q_e;
-  Knowledge known;
-  Weighing weighing;
+  Knowledge present;
 
-  Present(const Robot& robot, const Controller& controller, const truepose_real* read,
-          const Weighing& by)
-      : q_e(in<Extended>(read)), weighing(by) {
-    if (controller.late) controller.compensate(robot, *controller.late, *this);
+  Present(const Robot& robot, Controller& controller, const truepose_real* read,
+          const truepose_knowledge* known, truepose_real* work)
+      : Known(robot, known, work, &controller.kept, controller.weighs()), q_e(in<Extended>(read)) {
+    if (sound && controller.late) controller.compensate(robot, *controller.late, *this);
   }
-  Present(const Present&) = delete;
-  Present& operator=(const Present&) = delete;
 };
 
 template <>
@@ -64,7 +61,7 @@ Outcome sound(const SafetyLimits& limits);
 template <class Core>
 Outcome take(const typename Described<Core>::type& given, Core& all) {
   using C = typename Described<Core>::type;
-  if (given.size < offsetof(C, period) || given.size > sizeof given) return {Status::other_version};
+  if (given.size < offsetof(C, period) || given.size > sizeof given) return Status::other_version;
   std::memcpy(static_cast<void*>(&all), &given, given.size);
   all.size = sizeof given;
   if constexpr (std::is_same_v<Core, ControlSettings>) all.sigma_scale += all.sigma_scale == 0;

@@ -45,7 +45,7 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
   if (!sound) return sound;
   const Coordinates found = coordinates_of(robot, at, x);
   const Pose again = place_of(robot, found);
-  if (!vanishes(again.R - at.R) || !vanishes(again.D - at.D)) return {Status::no_such_value};
+  if (!vanishes(again.R - at.R) || !vanishes(again.D - at.D)) return Status::no_such_value;
   x = found;
   return {};
 }
@@ -61,7 +61,7 @@ template <class From, class To>
 Outcome mapped(const Robot& robot, const Coordinates& x, const From& given, To& result) {
   constexpr bool kToJoints = std::is_same_v<To, Coordinates>;
   const int n = dof(robot.mobility), m = robot.motors;
-  if (!all_finite(given, kToJoints ? m : n)) return {Status::not_finite};
+  if (!all_finite(given, kToJoints ? m : n)) return Status::not_finite;
   JointMatrix J{};
   const Outcome outcome = jacobian(level_of(robot), robot, x, J);
   if (!outcome) return outcome;
@@ -69,7 +69,7 @@ Outcome mapped(const Robot& robot, const Coordinates& x, const From& given, To& 
   Unknowns size{};
   for (int i : range(n))
     for (int j : range(m)) by[j][i] = J[i][j], size[i] += J[i][j] * J[i][j];
-  if (kToJoints && !invert(m, n, by, size, inverse)) return {Status::singular};
+  if (kToJoints && !invert(m, n, by, size, inverse)) return Status::singular;
   for (int i = 0; i < (kToJoints ? n : m); ++i)
     result[i] = sum_of(kToJoints ? m : n,
                        [&](int j) { return (kToJoints ? inverse : by)[i][j] * given[j]; });
@@ -89,7 +89,7 @@ extern "C" {
 truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_real* x,
                                   truepose_pose* pose) {
   return with(model, x)([&](const Robot& robot, const Coordinates& at) -> Outcome {
-    if (!all_finite(at, dof(robot.mobility))) return {Status::not_finite};
+    if (!all_finite(at, dof(robot.mobility))) return Status::not_finite;
     to_c(robot, at, pose);
     return {};
   });
@@ -103,7 +103,7 @@ truepose_outcome truepose_coordinates_of(const truepose_model* model, const true
 truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
                                               truepose_real* rotation) {
   return with(angles)([&](const RollPitchYaw& from) -> Outcome {
-    if (!all_finite(from, 3)) return {Status::not_finite};
+    if (!all_finite(from, 3)) return Status::not_finite;
     by_rows(from_roll_pitch_yaw(from), rotation);
     return {};
   });
@@ -112,7 +112,7 @@ truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
   return with(Both{angles})([&](RollPitchYaw& near) -> Outcome {
     const Mat3 R = matrix(rotation);
-    if (!all_finite(near, 3)) return {Status::not_finite};
+    if (!all_finite(near, 3)) return Status::not_finite;
     const Outcome outcome = rotates(R);
     if (outcome) near = to_roll_pitch_yaw(R, near);
     return outcome;

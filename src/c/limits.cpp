@@ -19,7 +19,7 @@ truepose_outcome truepose_stopping_distance(const truepose_model* model,
     const auto core = in<SafetyLimits>(limits);
     const Outcome outcome = consistent(core, robot.motors, dof(robot.mobility));
     if (!outcome) return outcome;
-    if (!(speed >= 0 && speed < INFINITY)) return {Status::no_such_value};
+    if (!(speed >= 0 && speed < INFINITY)) return Status::no_such_value;
     return stopping_distance(robot, core, marked != 0, speed, *distance);
   });
 }

@@ -55,7 +55,7 @@ Outcome checked(const auto& parts, int count, int first) {
 
 /// The finished robot of a description.
 Outcome load(const truepose_description& of, Robot& robot) {
-  if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return {Status::other_version};
+  if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return Status::other_version;
   std::memcpy(static_cast<void*>(&robot), &of, sizeof of);
   Outcome outcome = parts_exist(robot);
   if (outcome && !finite(robot)) outcome = {Status::not_finite};

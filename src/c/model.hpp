@@ -64,7 +64,6 @@ constexpr bool held(const auto&) { return true; }
 inline constexpr Outcome kUnfinished{Status::unfinished}, kTooSmall{Status::too_small};
 
 inline auto answer(const Outcome& of) { return converted<truepose_outcome>(of); }
-inline auto answer(Status of) { return answer(Outcome{of}); }
 inline auto answer(const FkmResult& of) { return converted<truepose_fkm_result>(of); }
 inline auto answer(const Estimate& of) { return converted<truepose_estimate_result>(of); }
 

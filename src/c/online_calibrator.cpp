@@ -14,7 +14,7 @@ using Calibrator = Held<truepose_online_calibrator>;
 namespace {
 Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real* memory,
               OnlineCalibrator& calibrator) {
-  if (drawn.r == 0) return {Status::not_measured};
+  if (drawn.r == 0) return Status::not_measured;
   const Outcome outcome = columns_exist(drawn, prior, 1);
   return outcome ? start(drawn, in<Knowledge>(&prior), memory, calibrator) : outcome;
 }
@@ -100,7 +100,7 @@ truepose_outcome truepose_online_calibrator_follow(truepose_online_calibrator* c
                                                    const truepose_changes* changes,
                                                    truepose_real* memory, size_t count) {
   return with(calibrator, changes)([&](Calibrator& of, const ChangeSettings& core) -> Outcome {
-    if (!sound(core)) return {Status::no_such_value};
+    if (!sound(core)) return Status::no_such_value;
     if (count < truepose_online_calibrator_follow_memory(calibrator, changes)) return kTooSmall;
     follow(core, memory, of.window, of.calibrator);
     return {};

@@ -57,11 +57,9 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
 auto run_weigh(const RowMatrix& B, const std::vector<double>& y, const RowMatrix& D,
                const std::vector<int>& line, const RowMatrix& C, const std::vector<int>& end,
                const RowMatrix& ordinary) {
-  std::vector<Ordinary> by;
-  for (int i : range(ordinary.rows()))
-    by.push_back({ordinary(i, 0), ordinary(i, 1), ordinary(i, 2), ordinary(i, 3)});
+  const auto* first = reinterpret_cast<const Ordinary*>(ordinary.data());
   const nb::gil_scoped_release release;
-  return weigh({B, y, D, line}, {C, end}, by);
+  return weigh({B, y, D, line}, {C, end}, {first, first + ordinary.rows()});
 }
 
 /// Start of a registration by roughly known poses, NaN without one; see `registered`.

@@ -1,11 +1,8 @@
 // Controllers, fault monitor and limits for Python. No mathematics.
 #include "control/limit_defaults.hpp"
-#include "control/trajectory.hpp"
 #include "python/for_rows.hpp"
 #include "python/held.hpp"
 #include "python/structs.hpp"
-#include "simulation/bus.hpp"
-#include "simulation/simulate.hpp"
 #include "simulation/statics.hpp"
 
 namespace truepose::python {
@@ -57,7 +54,9 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   std::vector<Reviewed> rows(q_e.shape(0));
   const Weights weights(setup.robot, &setup.known);
   FaultMonitor monitor;
-  Multirate late = started(setup.late);
+  Multirate late;
+  if (setup.late && !start(*setup.late, late))
+    throw std::invalid_argument("period or age of a sensor: too long");
   const auto next = [&](std::size_t i) {
     Reviewed& now = rows[i];
     late.arrived = arrivals(late.settings, late.cycle);
@@ -89,50 +88,6 @@ auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, c
   return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
 }
 
-/// The controller of an external plant, and with a guard the path's clock.
-struct ExternalControl {
-  Robot robot;
-  ControlSettings settings;
-  Optional<const Known> known;
-  Optional<const FaultTolerantSetup> monitor;  ///< only with a guard
-  Lateness delays;
-  Optional<Guard> given;
-
-  Guard* guard = restarted(given);
-  Multirate late = started(delays.first);
-  Bus bus{delays.second.value_or(MultirateSettings{})};
-  ControlState state{};
-  FaultTolerantState fault_state{};
-  PathClock clock{};
-
-  static Guard* restarted(Optional<Guard> given) {
-    if (given) (*given)->restart();
-    return given.value_or(nullptr);
-  }
-
-  /// One cycle of a quintic move. @param q_e  at the sensors @param frozen  the frame's counter
-  /// stands still
-  auto step(const Coordinates& from, const Coordinates& to, double duration, double time,
-            Extended q_e, bool frozen) {
-    const FaultTolerantSetup* setup = monitor.value_or(nullptr);
-    const Weights own(setup ? setup->robot : robot,
-                      setup ? &setup->known : known.value_or(nullptr));
-    Weighing weighing = own;
-    Knowledge present;
-    late.arrived = bus.deliver(robot.motors, q_e);
-    if (delays.first && !setup) weighing = compensated(robot, own, late, present, q_e);
-    const Setpoint setpoint = quintic(robot.mobility, from, to, duration, time);
-    if (!guard) return answered(control(robot, settings, setpoint, q_e, state, weighing));
-    Monitored monitored;
-    if (setup) monitored = {&setup->settings, &fault_state, delays.first ? &late : nullptr};
-    if (!frozen) ++guard->frame;
-    const Outcome outcome = control_guarded(robot, settings, clock.paced(setpoint), q_e, state,
-                                            *guard, weighing, monitored);
-    if (!guard->report().follows) clock.rate = 0;
-    clock.advance(settings.period, guard->report().path_stop);
-    return answered(outcome);
-  }
-};
 }  // namespace
 
 void bind_control(nb::module_& m) {
@@ -160,18 +115,5 @@ void bind_control(nb::module_& m) {
           const Outcome outcome = stopping_distance(robot, given, marked, speed, distance);
           return answered(outcome, distance);
         });
-  nb::class_<ExternalControl>(m, "ExternalControl")
-      .def(nb::init<const Robot&, const ControlSettings&, Optional<const Known>,
-                    Optional<const FaultTolerantSetup>, const Lateness&, Optional<Guard>>(),
-           nb::keep_alive<1, 4>(), nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>())
-      .def("step", &ExternalControl::step)
-      .def("starts", [](ExternalControl& own, int cycle) { return own.guard->begins(cycle); })
-      .def("begin", [](ExternalControl& own) { own.clock = {}; })
-      .def_prop_ro("time", [](const ExternalControl& own) { return own.clock.time; })
-      .def_prop_ro("torque",
-                   [](const ExternalControl& own) {
-                     return own.guard ? own.guard->report().torque : own.state.torque;
-                   })
-      .def_prop_ro("report", [](const ExternalControl& own) { return own.guard->report(); });
 }
 }  // namespace truepose::python

@@ -63,14 +63,6 @@ using Delays = std::optional<MultirateSettings>;
 /// Delayed sensors as the controller models them, and the true ones.
 using Lateness = std::pair<Delays, Delays>;
 
-/// Slow and delayed sensors at their start. Without settings none is. @throws std::invalid_argument
-inline Multirate started(const Delays& settings) {
-  Multirate late;
-  if (settings && !start(*settings, late))
-    throw std::invalid_argument("period or age of a sensor: too long");
-  return late;
-}
-
 /// Settings of the fault monitor: the robot at its highest level, and the knowledge of it.
 struct FaultTolerantSetup {
   Robot robot;
@@ -168,30 +160,28 @@ struct Online : OnlineCalibrator {
     for (auto k = long(recognised.size()); k < window.recognised; ++k)
       recognised.push_back(window.news[k % kNews]);
   }
-  /// State other than ξ̂ and its root: the rollback state, σ, counts, the residual test, the window.
-  nb::tuple memory() const {
-    const auto bytes = [](const auto& of) { return nb::bytes(&of, sizeof of); };
-    const auto* news = reinterpret_cast<const char*>(recognised.data());
-    return nb::make_tuple(std::vector<double>(kept().begin(), kept().end()), followed, state.due,
-                          lines, left_out, bytes(state.sigma), bytes(state.test), bytes(window),
-                          nb::bytes(news, recognised.size() * sizeof recognised[0]));
+  /// State other than ξ̂ and its root, each part as bytes: the rollback state, the window's rows,
+  /// counts, σ, the residual test, the window, and the changes recognised.
+  auto parts() {
+    const auto bytes = [](auto&& of) { return std::as_writable_bytes(std::span(of)); };
+    const auto one = [](auto& of) { return std::as_writable_bytes(std::span(&of, 1)); };
+    return std::array{bytes(kept()),   bytes(followed), one(state.due),
+                      one(lines),      one(left_out),   one(state.sigma),
+                      one(state.test), one(window),     bytes(recognised)};
+  }
+  nb::list memory() {
+    nb::list saved;
+    for (const auto& part : parts()) saved.append(nb::bytes(part.data(), part.size()));
+    return saved;
   }
   /// Resumes from another object's arrays and memory.
-  void resume(const std::vector<double>& saved, const std::vector<double>& rows, int due, long used,
-              long excluded, const nb::bytes& sigma, const nb::bytes& test,
-              const nb::bytes& evidence, const nb::bytes& news) {
-    if (saved.size() != kept().size() || rows.size() != followed.size() ||
-        sigma.size() != sizeof state.sigma || test.size() != sizeof state.test ||
-        evidence.size() != sizeof window || news.size() % sizeof recognised[0] != 0)
-      throw std::invalid_argument("the memory of another filter");
-    std::ranges::copy(saved, state.kept.xi);
-    std::ranges::copy(rows, followed.begin());
-    state.due = due, lines = used, left_out = excluded;
-    std::memcpy(&state.sigma, sigma.data(), sizeof state.sigma);
-    std::memcpy(&state.test, test.data(), test.size());
-    std::memcpy(&window, evidence.data(), evidence.size());
-    recognised.resize(news.size() / sizeof recognised[0]);
-    std::memcpy(recognised.data(), news.data(), news.size());
+  void resume(const std::vector<nb::bytes>& saved) {
+    recognised.resize(saved.back().size() / sizeof recognised[0]);
+    for (std::size_t k = 0; const auto& part : parts()) {
+      if (saved[k].size() != part.size())
+        throw std::invalid_argument("the memory of another filter");
+      std::memcpy(part.data(), saved[k++].data(), part.size());
+    }
     if (state.window) lay_out(nominal, state, settings.changes, followed.data() + width(), window);
   }
 };

@@ -5,42 +5,9 @@
 #include "python/structs.hpp"
 #include "simulation/assembly.hpp"
 
-namespace truepose::python {
-namespace {
-/// Summary of a visit to one pose.
-struct Visited {
-  Coordinates x{};  ///< true pose, and readings, at the end of the hold
-  Extended q_e{};
-  Coordinates low{}, high{};  ///< of x in the last kRest of the hold
-  int saturated = -1;         ///< first motor at its torque limit, from 0
-  Status status{};
-  int unanswered = 0;  ///< cycles without an answer of the controller,
-  Status reason{};     ///< and the first one's reason
-
-  static constexpr double kRest = 0.05;  ///< s, when a robot should rest
-
-  /// @param end  of the run, s @param hold  at the pose, s
-  void add(const Robot& nominal, const Sample& sample, double end, double hold) {
-    x = sample.x, q_e = sample.q_e;
-    if (sample.status > Status::ok && unanswered++ == 0) reason = sample.status;
-    const bool moving = sample.time <= end - min(kRest, hold);
-    for (int k : range(dof(nominal.mobility))) {
-      low[k] = moving ? x[k] : min(low[k], x[k]);
-      high[k] = moving ? x[k] : max(high[k], x[k]);
-    }
-    for (int k : range(nominal.motors)) {
-      const double limit = nominal.chain[k].torque_limit;
-      if (saturated < 0 && limit > 0 && fabs(sample.torque[k]) >= limit) saturated = k;
-    }
-  }
-};
-}  // namespace
-}  // namespace truepose::python
-
 namespace truepose::c {
-TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, torque, status, gave_up, health, symptom, stops,
-                 brakes, disturbance, disturbed, size, force, refused, safety, cause, part)
-TRUEPOSE_MEMBERS(python::Visited, x, q_e, low, high, saturated, status, unanswered, reason)
+TRUEPOSE_MEMBERS(Sample, time, x_d, x, q_e, error, status, gave_up, health, symptom, stops,
+                 disturbance, refused, machine)
 }  // namespace truepose::c
 
 namespace truepose::python {
@@ -70,7 +37,7 @@ auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows&
                  [&](std::size_t i, Extended& q_e) { faults.make_faulty(time.at(i), q_e); });
 }
 
-/// Simulated runs, or visits of poses, of one true robot under a controller, as Python gives them.
+/// A true robot under a controller, as Python gives them, which runs along one path after another.
 struct Simulation {
   Robot nominal, truth;
   ControlSettings settings;
@@ -83,47 +50,65 @@ struct Simulation {
   std::vector<Event> events;
   Optional<Guard> guard;
   int steps;
-  Coordinates start;
+  Coordinates start;  ///< of the next loop
   std::uint64_t seed;
+  std::optional<nb::callable> error_of;  ///< (x_d, q_e) -> motor error, as the law
 
-  nb::tuple follow(const Rows& x, const Rows& rate, const Rows& acceleration,
-                   const std::optional<nb::callable>& error_of) const;
-  nb::object visit(const Rows& x_d, double duration, double hold) const;
-};
+  Weights own{nominal, known.value_or(nullptr)}, monitored{nominal, nullptr};
+  FaultyReadings wrong{faults, settings.period, seed};
+  FaultTolerantSettings tolerant{};
+  Extras extras = pointers();
+  std::optional<Loop> loop{};
 
-/// What a loop of a simulation points to.
-struct Given : Extras {
-  Weights own, monitored;
-  FaultyReadings wrong;
-  FaultTolerantSettings tolerant;
+  /// What a loop points to.
+  Extras pointers();
+  /// The loop, a new one at the beginning and after a failure.
+  Loop& running() {
+    return loop ? *loop : loop.emplace(nominal, truth, settings, start, seed, extras);
+  }
 
-  explicit Given(const Simulation& of)
-      : own(of.nominal, of.known.value_or(nullptr)),
-        monitored(of.nominal, nullptr),
-        wrong(of.faults, of.settings.period, of.seed) {
-    effects = of.effects, events = of.events;
-    if (!of.faults.empty()) faults = &wrong;
-    guard = of.guard.value_or(nullptr);
-    if (of.delays.first) late = &*of.delays.first;
-    if (of.delays.second) bus = &*of.delays.second;
-    if (of.monitor) {
-      tolerant = (*of.monitor)->settings, fault_settings = &tolerant;
-      monitored.weigh((*of.monitor)->robot, (*of.monitor)->known.view());
-    }
-    weighing = own, monitor_weighing = monitored;
-    if (!of.online) return;
-    calibrator = &(*of.online)->begin(of.nominal);
-    own.weigh(of.nominal, calibrator->knowledge());
-    weighing = monitor_weighing = own;
-    tolerant.finest = &calibrator->robot;
+  nb::tuple follow(const Rows& x, const Rows& rate, const Rows& acceleration);
+  /// Whether the guard, of a robot at rest, waits before a cycle.
+  bool starts(int cycle) {
+    running();
+    return (*guard)->begins(cycle);
+  }
+  /// One cycle of a quintic move of another simulator's robot. @param q_e  at the sensors
+  int step(const Coordinates& from, const Coordinates& to, double duration, double time,
+           const Extended& q_e, bool frozen) {
+    const Setpoint setpoint = quintic(nominal.mobility, from, to, duration, time);
+    return int(running().step(setpoint, q_e, frozen));
   }
 };
 
-/// One run from rest along any path: a row of each (N, n) array per period, interpolated where the
-/// robot slows down.
-/// @param error_of  a Python callable (x_d, q_e) -> motor error as the loop's law
-nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& acceleration,
-                             const std::optional<nb::callable>& error_of) const {
+Extras Simulation::pointers() {
+  Extras given{.weighing = own, .effects = effects, .events = events};
+  if (!faults.empty()) given.faults = &wrong;
+  given.guard = guard.value_or(nullptr);
+  if (delays.first) given.late = &*delays.first;
+  if (delays.second) given.bus = &*delays.second;
+  if (monitor) {
+    tolerant = (*monitor)->settings, given.fault_settings = &tolerant;
+    monitored.weigh((*monitor)->robot, (*monitor)->known.view());
+  }
+  given.monitor_weighing = monitored;
+  if (error_of)
+    given.law = [this](const Coordinates& x_d, const Extended& q_e) {
+      const nb::gil_scoped_acquire acquire;
+      return nb::cast<Joint>((*error_of)(x_d, q_e));
+    };
+  if (!online) return given;
+  given.calibrator = &(*online)->begin(nominal);
+  own.weigh(nominal, given.calibrator->knowledge());
+  given.weighing = given.monitor_weighing = own;
+  tolerant.finest = &given.calibrator->robot;
+  return given;
+}
+
+/// Runs along any path from rest, keeping friction and backlash: a row of each (N, n) array per
+/// period, interpolated where the robot slows down. After a failure the next run starts at the end
+/// of the last one that arrived.
+nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& acceleration) {
   const std::size_t periods = x.shape(0) - 1;
   const auto at = [&](std::size_t k) {
     return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
@@ -134,54 +119,23 @@ nb::tuple Simulation::follow(const Rows& x, const Rows& rate, const Rows& accele
     if (before == periods) return at(before);
     return between(nominal.mobility, at(before), at(before + 1), settings.period, k - before);
   };
-  Given given(*this);
-  if (error_of)
-    given.law = [&](const Coordinates& x_d, const Extended& q_e) {
-      const nb::gil_scoped_acquire acquire;
-      return nb::cast<Joint>((*error_of)(x_d, q_e));
-    };
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    outcome = Loop(nominal, truth, settings, start, seed, given)
-                  .follow(int(periods), steps, path, [&](const Sample& sample) {
-                    log.push_back(sample);
-                    signals();
-                  });
+    outcome = running().follow(int(periods), steps, path, [&](const Sample& sample) {
+      log.push_back(sample);
+      signals();
+    });
   }
+  extras.began += periods * settings.period;
+  ++seed;
+  if (outcome)
+    start = at(periods).x;
+  else
+    loop.reset();
   return answered(outcome, records(log));
-}
-
-/// Visits poses in order, keeping friction and backlash. After a failure the robot is placed at the
-/// next pose.
-nb::object Simulation::visit(const Rows& x_d, double duration, double hold) const {
-  std::vector<Visited> visits(x_d.shape(0));
-  Given given(*this);
-  {
-    nb::gil_scoped_release release;
-    Signals signals;
-    Coordinates from = nominal.home, standing = start;
-    std::optional<Loop> loop;
-    for (std::size_t i = 0; i < visits.size(); ++i) {
-      const Coordinates to = row<Coordinates>(x_d, i);
-      const double period = settings.period, end = duration + hold;
-      given.began = i * period * std::lround(end / period);
-      if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, given);
-      const Outcome outcome =
-          loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
-            signals();
-            visits[i].add(nominal, sample, end, hold);
-          });
-      visits[i].status = outcome.status;
-      if (outcome)
-        from = standing = to;
-      else
-        loop.reset();
-    }
-  }
-  return records(visits);
 }
 
 /// Poses that close the loops at q, (m, n), and the number of searches that ended at each, (m,).
@@ -213,11 +167,16 @@ void bind_simulation(nb::module_& m) {
       .def(nb::init<const Robot&, const Robot&, const ControlSettings&, Optional<const Known>,
                     const Effects&, Optional<Online>, const std::vector<Fault>&,
                     Optional<const FaultTolerantSetup>, const Lateness&, const std::vector<Event>&,
-                    Optional<Guard>, int, const Coordinates&, std::uint64_t>(),
+                    Optional<Guard>, int, const Coordinates&, std::uint64_t,
+                    std::optional<nb::callable>>(),
            nb::keep_alive<1, 5>(), nb::keep_alive<1, 7>(), nb::keep_alive<1, 9>(),
            nb::keep_alive<1, 12>())
       .def("follow", &Simulation::follow)
-      .def("visit", &Simulation::visit);
+      .def("step", &Simulation::step)
+      .def("starts", &Simulation::starts)
+      .def("begin", [](Simulation& own) { own.running().clock = {}; })
+      .def_prop_ro("time", [](Simulation& own) { return own.running().clock.time; })
+      .def_prop_ro("report", [](Simulation& own) { return own.running().report(); });
   m.def("spoil", &batch_spoil);
   m.def("assembly_modes", &assembly_modes);
 }

@@ -13,7 +13,6 @@ TRUEPOSE_MEMBERS(engine::Closure, body_a, body_b, a, b, length, driven, motor, m
                  plane, normal, described, exchanged)
 TRUEPOSE_MEMBERS(Mechanism, bodies, closures, motors, coordinates, freedoms, platform, described,
                  home, body, closure)
-TRUEPOSE_MEMBERS(GuardReport, cause, part, brakes, follows)
 TRUEPOSE_MEMBERS(FullLevel, kind, rods, unknowns, excess)
 TRUEPOSE_MEMBERS(Effects, backlash, friction, arm_stiffness, rod_stiffness, arm_damping, ripple,
                  phase, delayed)

@@ -4,6 +4,11 @@
 #include "c/fields.hpp"
 #include "python/arrays.hpp"
 
+namespace truepose::c {
+TRUEPOSE_MEMBERS(DisturbanceReport, disturbance, motor, size, force)
+TRUEPOSE_MEMBERS(GuardReport, state, cause, part, brakes, torque, follows)
+}  // namespace truepose::c
+
 namespace truepose::python {
 /// numpy's type of a struct of this size with the members of a table.
 nb::object type_of(const c::Table& table, std::size_t size);

@@ -14,23 +14,12 @@ Loop::Loop(const Robot& nominal, const Robot& truth, const ControlSettings& sett
   if (extras.guard) extras.guard->restart();
 }
 
-Outcome Loop::move(const Run& run, const Write& write) {
-  const int periods = int(std::lround((run.duration + run.hold) / settings_.period));
-  return follow(
-      periods, run.steps,
-      [&](double k) {
-        return quintic(nominal_.mobility, run.from, run.to, run.duration, k * settings_.period);
-      },
-      write);
-}
-
 Outcome Loop::follow(int periods, int steps, const Path& path, const Write& write) {
   if (!resting_) return resting_;
-  const GuardReport* const guarded = extras_.guard ? &extras_.guard->report() : nullptr;
   Cycle cycle;
-  if (guarded && !guarded->follows) {
+  if (!report().follows) {
     const Outcome outcome = switch_on(path(0.0), cycle);
-    if (!outcome || !guarded->follows) {
+    if (!outcome || !report().follows) {
       write(sampled(0, path(0.0), cycle));
       return outcome;
     }
@@ -38,23 +27,47 @@ Outcome Loop::follow(int periods, int steps, const Path& path, const Write& writ
   for (int k : range(periods + 1)) {
     const double time = k * settings_.period;
     const Setpoint setpoint =
-        clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period)) : path(double(k));
+        clock.rate < 1 ? clock.paced(path(clock.time / settings_.period)) : path(double(k));
     const bool late = extras_.effects.delayed && control_.started;  // torques
-    const Joint before = torque();
+    const Joint before = report().torque;
     Outcome outcome = run_cycle(plant_, time, setpoint, cycle);
     if (!outcome) return outcome;
     write(sampled(time, setpoint, cycle));
     if (k == periods) break;
-    if (clock_.rate == 1 && !fault_state_.stops) clock_.time = k * settings_.period;
-    if (guarded && !guarded->follows) clock_.rate = 0;
-    clock_.advance(settings_.period, guarded ? guarded->path_stop : fault_state_.stop);
-    plant_.brake(brakes(), settings_.period);
+    if (clock.rate == 1 && !fault_state_.stops) clock.time = k * settings_.period;
+    pace();
+    const GuardReport machine = report();
+    plant_.brake(machine.brakes, settings_.period);
     disturb(extras_.began + time);
-    outcome = plant_.advance(late ? before : torque(), settings_.period, steps);
+    outcome = plant_.advance(late ? before : machine.torque, settings_.period, steps);
     if (!outcome) return outcome;
   }
   extras_.began += periods * settings_.period;
   return {};
+}
+
+Status Loop::step(const Setpoint& setpoint, const Extended& q_e, bool frozen) {
+  Cycle cycle{q_e};
+  static_cast<void>(run_controller(0, clock.paced(setpoint), cycle, frozen));
+  pace();
+  return cycle.status;
+}
+
+GuardReport Loop::report() const {
+  if (extras_.guard) return extras_.guard->report();
+  return {.state = -1,
+          .cause = fault_state_.cause,
+          .part = fault_state_.part,
+          .brakes = fault_state_.brakes,
+          .follows = true,
+          .path_stop = fault_state_.stop,
+          .torque = control_.torque};
+}
+
+void Loop::pace() {
+  const GuardReport machine = report();
+  if (!machine.follows) clock.rate = 0;
+  clock.advance(settings_.period, machine.path_stop);
 }
 
 void Loop::disturb(double time) {
@@ -67,37 +80,43 @@ void Loop::disturb(double time) {
 }
 
 Outcome Loop::run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cycle& cycle) {
-  Extended& q_e = cycle.q_e;
-  Outcome outcome = plant.measure(q_e);
+  const Outcome outcome = plant.measure(cycle.q_e);
   if (!outcome) return outcome;
-  if (extras_.faults) extras_.faults->make_faulty(extras_.began + time, q_e);
-  const bool slow = extras_.late;
+  const double now = extras_.began + time;
+  if (extras_.faults) extras_.faults->make_faulty(now, cycle.q_e);
+  return run_controller(time, setpoint, cycle, extras_.faults && extras_.faults->frozen(now));
+}
+
+Outcome Loop::run_controller(double time, const Setpoint& setpoint, Cycle& cycle, bool frozen) {
+  Extended& q_e = cycle.q_e;
   OnlineCalibrator* const calibrator = extras_.calibrator;
-  const bool monitored = extras_.fault_settings && !extras_.law;
-  if (extras_.bus) late_.arrived = bus_.deliver(nominal_.motors, q_e);
+  Multirate* const late = extras_.late ? &late_ : nullptr;
+  Monitored monitored;
+  if (extras_.fault_settings && !extras_.law)
+    monitored = {extras_.fault_settings, &fault_state_, late};
+  late_.arrived = bus_.deliver(nominal_.motors, q_e);
   Extended present = q_e;
-  const Weighing weighing = slow && !monitored
-                                ? compensated(nominal_, extras_.weighing, late_, known_, present)
-                                : extras_.weighing;
+  Weighing weighing = monitored.state ? extras_.monitor_weighing : extras_.weighing;
+  if (late && !monitored.state) weighing = compensated(nominal_, weighing, late_, known_, present);
   const bool calibrates = calibrator && time >= 0;
   cycle.gave_up =  // a row that fits no pose is skipped
-      calibrates && !monitored && calibrate_online(*calibrator, present).status == Status::stopped;
+      calibrates && !monitored.state &&
+      calibrate_online(*calibrator, present).status == Status::stopped;
   const Robot& believed = calibrator ? calibrator->robot : nominal_;
-  Multirate* const late = slow ? &late_ : nullptr;
+  std::uint64_t& frame = extras_.guard ? extras_.guard->frame : fault_state_.frame.value;
+  frame += !frozen;
+  Outcome outcome;
   if (extras_.guard)
-    outcome = run_guarded(believed, time, setpoint, monitored ? q_e : present,
-                          monitored ? extras_.monitor_weighing : weighing);
+    outcome = run_guarded(believed, setpoint, present, weighing, monitored);
   else if (extras_.law)
     outcome = control_by_own_law(believed, setpoint, present);
-  else if (monitored) {
-    if (!extras_.faults || !extras_.faults->frozen(extras_.began + time))
-      ++fault_state_.frame.value;
+  else if (monitored.state) {
     fault_state_.frame.given = true;
-    outcome = control_fault_tolerant(believed, settings_, *extras_.fault_settings, setpoint, q_e,
-                                     control_, extras_.monitor_weighing, fault_state_, late);
+    outcome = control_fault_tolerant(believed, settings_, *monitored.settings, setpoint, present,
+                                     control_, weighing, fault_state_, late);
   } else
     outcome = control(believed, settings_, setpoint, present, control_, weighing);
-  if (calibrates && monitored) {
+  if (calibrates && monitored.state) {
     for (int k : range(nominal_.r))
       if (late_.is(k)) present[nominal_.motors + k] = late_.present[k];
     cycle.gave_up = calibrate_monitored(*calibrator, present);
@@ -118,15 +137,12 @@ Outcome Loop::control_by_own_law(const Robot& believed, const Setpoint& setpoint
   return control(believed, settings_, setpoint, shown, control_);
 }
 
-Outcome Loop::run_guarded(const Robot& believed, double time, const Setpoint& setpoint,
-                          const Extended& q_e, const Weighing& weighing) {
+Outcome Loop::run_guarded(const Robot& believed, const Setpoint& setpoint, const Extended& q_e,
+                          const Weighing& weighing, const Monitored& monitored) {
   Guard& guard = *extras_.guard;
-  if (!extras_.faults || !extras_.faults->frozen(extras_.began + time)) ++guard.frame;
   if (!extras_.law)
-    return control_guarded(
-        believed, settings_, setpoint, q_e, control_, guard, weighing,
-        {extras_.fault_settings, extras_.fault_settings ? &fault_state_ : nullptr,
-         extras_.late ? &late_ : nullptr});
+    return control_guarded(believed, settings_, setpoint, q_e, control_, guard, weighing,
+                           monitored);
   const Pose pose = to_pose(nominal_.mobility, setpoint.x);
   ControlState own;  // its error is not known
   Outcome answer = command(Level::ideal, believed, pose, own.q_d);
@@ -149,26 +165,13 @@ Outcome Loop::switch_on(const Setpoint& setpoint, Cycle& cycle) {
 
 Sample Loop::sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const {
   Sample sample{time,         setpoint.x,     to_coordinates(nominal_.mobility, plant_.pose()),
-                cycle.q_e,    control_.error, torque(),
-                cycle.status, cycle.gave_up};
+                cycle.q_e,    control_.error, cycle.status,
+                cycle.gave_up};
   sample.stops = fault_state_.stops;
-  sample.brakes = brakes();
-  sample.cause = fault_state_.cause;
-  sample.part = fault_state_.part;
-  if (extras_.guard) {
-    const GuardReport& report = extras_.guard->report();
-    sample.safety = report.state;
-    sample.cause = report.cause;
-    sample.part = report.part;
-  }
-  if (extras_.fault_settings && extras_.fault_settings->supervisor) {
-    const DisturbanceReport& report = extras_.fault_settings->supervisor->disturbance();
-    sample.disturbance = report.disturbance;
-    sample.disturbed = report.motor;
-    sample.size = report.size;
-    sample.force = report.force;
-    sample.refused = report.refused;
-  }
+  sample.machine = report();
+  if (extras_.fault_settings && extras_.fault_settings->supervisor)
+    sample.disturbance = extras_.fault_settings->supervisor->disturbance();
+  sample.refused = sample.disturbance.refused;
   for (int c : range(nominal_.motors + nominal_.r)) {
     sample.health[c] = fault_state_.monitor.reading[c].health;
     sample.symptom[c] = fault_state_.monitor.reading[c].symptom;

@@ -11,36 +11,20 @@
 #include "simulation/faults.hpp"
 
 namespace truepose {
-/// A run: a straight quintic move, then a hold at its end.
-struct Run {
-  Coordinates from{}, to{};
-  double duration = 0.2;   ///< of the move, s
-  double hold = 0.2;       ///< after the move, s
-  int steps = 2;           ///< integration steps per control period
-  std::uint64_t seed = 0;  ///< of the readings' noise
-};
-
 /// One sample of the log, at the start of a control period.
 struct Sample {
   double time;
   Coordinates x_d, x;  ///< desired; true
   Extended q_e;        ///< as read
   Joint error;         ///< ê_q
-  Joint torque;
-  Status status;  ///< of the controller; without an answer the last torque is held
-  bool gave_up;   ///< the calibrator has stopped; remains true
+  Status status;       ///< of the controller; without an answer the last torque is held
+  bool gave_up;        ///< the calibrator has stopped; remains true
   std::array<Health, kMaxReadings> health{};    ///< of the readings, by the fault monitor
   std::array<Symptom, kMaxReadings> symptom{};  ///< latest reason why a reading is not valid
   bool stops = false;                           ///< controlled stop on the path
-  std::uint32_t brakes = 0;                     ///< motors whose brakes are requested, as bits
-  Disturbance disturbance = Disturbance::none;  ///< as the supervisor names it,
-  int disturbed = -1;                           ///< the motor of friction,
-  double size = 0;                              ///< mass, friction or force,
-  Coordinates force{};                          ///< and the external force
-  bool refused = false;                         ///< too heavy to be fed forward
-  int safety = -1;                              ///< state of the guard; -1: without one
-  StopCause cause = StopCause::none;            ///< the guard's, or the violated limit's,
-  int part = -1;                                ///< and its motor or -1
+  DisturbanceReport disturbance{};              ///< of the supervisor,
+  bool refused = false;                         ///< also: too heavy to be fed forward
+  GuardReport machine{};                        ///< torques and brakes, and what stopped it
 };
 
 /// A user-defined law: from desired pose and readings to the motor error. It may throw.
@@ -74,12 +58,20 @@ class Loop {
   Loop(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
        const Coordinates& start, std::uint64_t seed, const Extras& extras = {});
 
-  /// Runs one move; calls write(sample) once per period, end included.
+  /// Runs along a path from rest; calls write(sample) once per period, end included. A
+  /// fault-tolerant controller that must stop stops on it.
   /// @return ok, or the failure that ended it: the plant's, or, without faults, the controller's
-  Outcome move(const Run& run, const Write& write);
-
-  /// The same along any path. A fault-tolerant controller that must stop stops on it.
   Outcome follow(int periods, int steps, const Path& path, const Write& write);
+
+  /// One cycle of the controller at another simulator's readings. @param frozen  as for run_cycle()
+  /// @return of the controller
+  Status step(const Setpoint& setpoint, const Extended& q_e, bool frozen);
+
+  /// What the machine gets: the guard's report; without one the controller's torque and what
+  /// its fault monitor requests, of state -1.
+  GuardReport report() const;
+
+  PathClock clock;  ///< of the path
 
  private:
   /// Begins and ends disturbances in the period from `time` on.
@@ -92,27 +84,26 @@ class Loop {
     bool gave_up = false;
   };
 
-  const Joint& torque() const {
-    return extras_.guard ? extras_.guard->report().torque : control_.torque;
-  }
-  std::uint32_t brakes() const {
-    return extras_.guard ? extras_.guard->report().brakes : fault_state_.brakes;
-  }
-
-  /// Reads the sensors and runs the controller.
+  /// Reads the sensors of the plant, with faults, and runs the controller.
   /// @return the plant's failure, or, without faults and guard, the controller's
   Outcome run_cycle(Plant& plant, double time, const Setpoint& setpoint, Cycle& cycle);
+
+  /// Runs the controller on readings. @param frozen  the counter of their frame stands still
+  Outcome run_controller(double time, const Setpoint& setpoint, Cycle& cycle, bool frozen);
 
   /// `control` on the error of an own law: the law `joint` on readings that differ by it.
   Outcome control_by_own_law(const Robot& believed, const Setpoint& setpoint, const Extended& q_e);
 
   /// The law and its guard. An own law is not called before it acts.
-  Outcome run_guarded(const Robot& believed, double time, const Setpoint& setpoint,
-                      const Extended& q_e, const Weighing& weighing);
+  Outcome run_guarded(const Robot& believed, const Setpoint& setpoint, const Extended& q_e,
+                      const Weighing& weighing, const Monitored& monitored);
 
   /// Acknowledges and starts the guard of the robot at rest, until the law acts. The brakes hold
   /// the robot, so the plant's state, that of its noise included, is the same afterwards.
   Outcome switch_on(const Setpoint& setpoint, Cycle& cycle);
+
+  /// The path's clock after a cycle.
+  void pace();
 
   Sample sampled(double time, const Setpoint& setpoint, const Cycle& cycle) const;
 
@@ -127,7 +118,6 @@ class Loop {
   Outcome resting_;
   ControlState control_;
   FaultTolerantState fault_state_;
-  PathClock clock_;
   Multirate late_;
   Bus bus_;
   Knowledge known_;  ///< with the latency-compensated readings' σ

@@ -113,7 +113,7 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
       for (int j : range(nominal.motors)) step[i] += reference.jacobians.J[i][j] * error[j] / most;
       size = max(size, fabs(step[i]));
     }
-    if (!all_finite(step, n)) return {Status::not_finite};
+    if (!all_finite(step, n)) return Status::not_finite;
     pose = moved(nominal.mobility, pose, step);
     // Linear convergence: stop at rounding, or where small steps no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {
@@ -122,40 +122,29 @@ Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& 
     }
     last = size;
   }
-  return {Status::not_converged};
+  return Status::not_converged;
 }
 
 Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                 const Weighing& weighing) {
-  const int n = dof(robot.mobility), m = robot.motors;
-  constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
+  constexpr double kStep = 1e-6;  // rad or m, of the central difference
   Reference reference;
-  const Outcome outcome =
-      refer(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
+  if (law == Law::estimated) law = Law::weighted;
+  const Outcome outcome = refer(robot, law, x, reference, 0, weighing);
   if (!outcome) return outcome;
   leak = {};
-  const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
-  for (int c : range(m + robot.r)) {
-    if (of_pose) {
-      Coordinates change[2];
-      for (const double side : {-1.0, 1.0}) {
-        Extended q_e{};
-        q_e = reference.q_e;
-        q_e[c] += side * kStep;
-        Pose found;
-        Joint error{};
-        const Outcome there = motor_error(robot, law, reference, q_e, error, found, weighing);
-        if (!there) return there;
-        change[side > 0] = difference(robot.mobility, found, reference.pose);
-      }
-      for (int i : range(n)) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
-    } else if (properties(law).corrects == Corrects::motors) {
-      for (int i = 0; i < n && c < m; ++i) leak[i][c] = -reference.jacobians.J[i][c];
-    } else {
-      for (int i : range(n))
-        for (int j : range(m)) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
+  for (int c : range(readings(robot)))
+    for (const double side : {-1.0, 1.0}) {
+      Extended q_e = reference.q_e;
+      q_e[c] += side * kStep;
+      Pose found;
+      Joint error{};
+      const Outcome there = motor_error(robot, law, reference, q_e, error, found, weighing);
+      if (!there) return there;
+      for (int i : range(dof(robot.mobility)))
+        for (int j : range(robot.motors))
+          leak[i][c] += reference.jacobians.J[i][j] * error[j] * side / (2 * kStep);
     }
-  }
   return {};
 }
 }  // namespace truepose

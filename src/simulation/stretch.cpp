@@ -59,7 +59,7 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
     own[i] = weight_of_arm(robot, robot.chain[i], driven.dB);
     for (int j : range(freedoms)) w[j] -= own[i] * (G[i][j] /= by_reading[i]);
   }
-  if (!held(G, {w, w + freedoms}, T)) return {Status::singular};
+  if (!held(G, {w, w + freedoms}, T)) return Status::singular;
   for (int i : range(m.motors)) {
     const Driven driven = driven_point(robot.chain[i], q[i]);
     double* of = T.data() + per * i;
@@ -82,7 +82,7 @@ Outcome pull(const Robot& robot, const Joint& q, const Built& built, const engin
 }  // namespace
 
 Outcome pull(Level level, const Robot& robot, const Pose& pose, const Load& load, Pull& by) {
-  if (!robot.finished) return {Status::unfinished};
+  if (!robot.finished) return Status::unfinished;
   FullClosure at;
   if (level == Level::full && robot.full.own()) {
     const Outcome outcome = ikm(robot, pose, at);

@@ -1,7 +1,7 @@
 // Isolation of the faulty reading.
 #include "control/fault_tolerant_control.hpp"
 #include "mechanisms.hpp"
-#include "simulation/simulate.hpp"
+#include "moves.hpp"
 
 using namespace mechanisms;
 
@@ -40,13 +40,14 @@ struct Faulty {
     extras.monitor_weighing = extras.weighing;
     extras.fault_settings = &fault_settings;
     extras.faults = &faults;
-    Run run{random_pose(mechanism, random), random_pose(mechanism, random), 0.3, 0.2};
+    const Coordinates from = random_pose(mechanism, random), to = random_pose(mechanism, random);
     std::uint32_t bits = 0;
     const auto write = [&](const Sample& sample) {
       for (int c = 0; c <= kTheta; ++c)
         if (sample.health[c] == Health::failed) bits |= bit(c);
     };
-    static_cast<void>(Loop(robot, robot, settings, run.from, run.seed, extras).move(run, write));
+    static_cast<void>(
+        run_move(Loop(robot, robot, settings, from, 0, extras), K, from, to, 0.3, 0.2, write));
     return bits;
   }
 

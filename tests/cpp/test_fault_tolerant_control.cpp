@@ -5,7 +5,7 @@
 #include "control/fault_tolerant_control.hpp"
 #include "control/limit_defaults.hpp"
 #include "mechanisms.hpp"
-#include "simulation/simulate.hpp"
+#include "moves.hpp"
 
 using namespace mechanisms;
 
@@ -283,14 +283,14 @@ TEST_EACH(for_each,
     extras.fault_settings = &fault_settings;
     extras.monitor_weighing = prior.weighing();
     check::Random random(73);
-    Run run{robot.home, any_x(random, 0.3), 0.1, 0.02, 2};
     long lines = 0;
     bool lied = false;
     const auto write = [&](const Sample& sample) {
       lied = lied || sample.health[0] != Health::valid;
       if (!lied) lines = learner.lines;
     };
-    CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras).move(run, write));
+    CHECK(run_move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home,
+                   any_x(random, 0.3), 0.1, 0.02, write));
     CHECK(lied && lines > 0);
     CHECK(learner.left_out == 0);  // such a line fits nothing
     CHECK(kind == FaultKind::spike ? learner.lines > lines : learner.lines == lines);

@@ -1,6 +1,6 @@
 // Simulated faults, and the machine under them.
 #include "mechanisms.hpp"
-#include "simulation/simulate.hpp"
+#include "moves.hpp"
 
 using namespace mechanisms;
 
@@ -73,7 +73,6 @@ TEST_EACH(for_each,
     settings.law = law;
     CHECK(place_poles(robot, robot.home, 100, 1, settings));
     Prior prior(robot);
-    const Run run{robot.home, to, 0.05, 0.03, 1};
     for (const FaultProperties& row : kFaultTable)
       for (const int reading : {0, n}) {
         FaultyReadings faults({{row.kind, reading, 1, 0.02, 0.02}}, settings.period);
@@ -81,14 +80,15 @@ TEST_EACH(for_each,
         extras.faults = &faults;
         Joint before{};
         int cycles = 0, held = 0;
-        Loop loop(robot, robot, settings, robot.home, run.seed, extras);
-        const Outcome outcome = loop.move(run, [&](const Sample& sample) {
+        const auto write = [&](const Sample& sample) {
           const bool answered = sample.status <= Status::ok;
-          CHECK(all_finite(sample.torque, n));
-          CHECK(answered || sample.torque == before);
-          before = sample.torque;
+          CHECK(all_finite(sample.machine.torque, n));
+          CHECK(answered || sample.machine.torque == before);
+          before = sample.machine.torque;
           ++cycles, held += !answered;
-        });
+        };
+        const Outcome outcome = run_move(Loop(robot, robot, settings, robot.home, 0, extras), K,
+                                         robot.home, to, 0.05, 0.03, write);
         CHECK(outcome ? cycles == 81 : cycles > 20);  // or the plant's end
         if (row.kind == FaultKind::dropout && reading == 0) CHECK(held > 0);
       }

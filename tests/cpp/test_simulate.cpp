@@ -2,7 +2,7 @@
 #include <numbers>
 
 #include "controllers.hpp"
-#include "simulation/simulate.hpp"
+#include "moves.hpp"
 
 using namespace mechanisms;
 
@@ -10,17 +10,16 @@ TEST_EACH(for_each, "an ideal robot follows a move with full feed-forward, and e
   check::Random random(61);
   const Coordinates to = any_x(random);
   for (const Law law : kLaws) {
-    const Run run{robot.home, to, 0.3, 0.2, 2};
     double strayed = 0;
     Sample last{};
     Prior prior(robot);
-    CHECK(
-        Loop(robot, robot, settings_for(robot, law), robot.home, run.seed, Extras{prior.weighing()})
-            .move(run, [&](const Sample& sample) {
-              strayed =
-                  std::max(strayed, distance(K, to_pose(K, sample.x), to_pose(K, sample.x_d)));
-              last = sample;
-            }));
+    const auto write = [&](const Sample& sample) {
+      strayed = std::max(strayed, distance(K, to_pose(K, sample.x), to_pose(K, sample.x_d)));
+      last = sample;
+    };
+    CHECK(run_move(
+        Loop(robot, robot, settings_for(robot, law), robot.home, 0, Extras{prior.weighing()}), K,
+        robot.home, to, 0.3, 0.2, write));
     CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
     CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, to)), 0, 1e-6);
   }
@@ -53,14 +52,16 @@ struct Passing final : Guard {
 TEST_EACH(for_each,
           "behind a guard that passes all torques a robot moves as without, once it may") {
   check::Random random(67);
-  const Run run{robot.home, any_x(random, 0.5), 0.1, 0, 2};
-  const ControlSettings settings = settings_for(robot, Law::joint);
-  const auto logged = [&](Guard* guard) {
-    Extras extras;
+  const Coordinates to = any_x(random, 0.5);
+  const ControlSettings settings = settings_for(robot, Law::tej);
+  MultirateSettings slow;
+  slow.every[0] = 4, slow.age[0] = 2;
+  const auto logged = [&](Guard* guard, const MultirateSettings* late = nullptr) {
+    Extras extras{.bus = late, .late = late};
     extras.guard = guard;
     std::vector<Sample> log;
-    CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras)
-              .move(run, [&](const Sample& sample) { log.push_back(sample); }));
+    CHECK(run_move(Loop(robot, robot, settings, robot.home, 0, extras), K, robot.home, to, 0.1, 0,
+                   [&](const Sample& sample) { log.push_back(sample); }));
     return log;
   };
   Passing guard, never;
@@ -69,7 +70,9 @@ TEST_EACH(for_each,
   CHECK(guard.restarts == 1 && guard.cycles == guard.waits + 101 && guard.frame == 121);
   CHECK(bare.size() == 101 && guarded.size() == 101);
   for (std::size_t k = 0; k < bare.size(); ++k)
-    CHECK(bare[k].x == guarded[k].x && bare[k].torque == guarded[k].torque);
+    CHECK(bare[k].x == guarded[k].x && bare[k].machine.torque == guarded[k].machine.torque);
+  const Pose late = to_pose(K, logged(nullptr, &slow).back().x);
+  CHECK_NEAR(distance(K, to_pose(K, logged(&guard, &slow).back().x), late), 0, 1e-9);
   CHECK(logged(&never).size() == 1);
 }
 

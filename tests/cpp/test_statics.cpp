@@ -2,7 +2,7 @@
 #include <limits>
 
 #include "controllers.hpp"
-#include "simulation/simulate.hpp"
+#include "moves.hpp"
 #include "simulation/statics.hpp"
 
 using namespace mechanisms;
@@ -38,9 +38,8 @@ TEST_EACH(for_each,
       CHECK(settle(nominal, truth, settings, nominal.home, start, prior.weighing()));
       CHECK(settle(nominal, truth, settings, to, end, prior.weighing()));
       Sample last{};
-      CHECK(Loop(nominal, truth, settings.control, start, 0, Extras{prior.weighing()})
-                .move(Run{nominal.home, to, 0.2, 0.6, 2},
-                      [&](const Sample& sample) { last = sample; }));
+      CHECK(run_move(Loop(nominal, truth, settings.control, start, 0, Extras{prior.weighing()}), K,
+                     nominal.home, to, 0.2, 0.6, [&](const Sample& sample) { last = sample; }));
       // Of redundant motors' torques that only stress the nominal robot, the true one's other K
       // turns a little into force.
       CHECK_NEAR(distance(K, to_pose(K, last.x), to_pose(K, end)), 0, motors > n ? 1e-8 : 1e-9);

@@ -6,6 +6,7 @@ from fixtures import refused
 
 import truepose as tp
 from truepose.simulation import Run
+from truepose.simulation.plants.dynamic import visit
 
 
 def by_tej(robot, x_d, q_e):
@@ -47,6 +48,15 @@ def test_it_moves_as_the_same_built_in_law_does(h4, own, built_in, gains):
     assert apart < (1e-12 if built_in == "joint" else 0.02 * most)  # its rate is the motors'
     np.testing.assert_allclose(mine.motor_error[-1], core.motor_error[-1], atol=1e-9)
     np.testing.assert_allclose(mine.error[-1], core.error[-1], atol=1e-9)
+
+
+def test_it_drives_from_pose_to_pose_as_the_same_built_in_law_does(h4):
+    h4, x_d = h4.without_quantization(), np.add(h4.home, [[0.02, 0, 0, 0.1], [0, 0.02, 0, 0]])
+    mine, core = (
+        visit(h4, h4.sample(1), x_d, tp.Controller(law=law), run=Run(hold=0.5))[0]
+        for law in (by_tej, "tej")
+    )
+    np.testing.assert_allclose(mine, core, atol=1e-7)
 
 
 def test_under_effects_it_has_the_gains_of_the_usual_law(h4):

@@ -153,7 +153,7 @@ class OnlineCalibrator:
         self.__dict__.update(state)
         xi, root, memory = state["_filter"]
         self._start(xi, root)
-        self._filter.resume(*memory)
+        self._filter.resume(memory)
 
     def observe(
         self, q_e: ArrayLike, errors: Errors = "raise", health: ArrayLike | None = None
@@ -233,10 +233,10 @@ class OnlineCalibrator:
         self._told, before, noise = self.changes, self._filter.memory, self._noise
         noise[[robot.readings.index(sensor) for sensor in sensors]] = 1.0
         self._start(xi, knowledge.triangular(np.hstack([root, new])))
-        sigma, now = np.array(self._filter.sigma), list(self._filter.memory)
+        sigma, now = np.array(self._filter.sigma), self._filter.memory
         sigma[: len(noise)] *= noise
         now[3:6] = *before[3:5], sigma.tobytes()
-        self._filter.resume(*now)
+        self._filter.resume(now)
 
     @property
     def lines(self) -> int:

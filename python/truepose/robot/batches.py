@@ -149,6 +149,8 @@ def _list(values: Array) -> str:
 
 def members(robot: Description, records: Any) -> list[Any]:
     """Return every member of the core's records; of vectors the entries that a robot has."""
+    if records.dtype.names:
+        return [of for name in records.dtype.names for of in members(robot, records[name])]
     width = {_core.max_readings: robot.m + robot.r, _core.max_motors: robot.m}
-    arrays = [records[name] for name in records.dtype.names or ()]
-    return [np.array(a if a.ndim == 1 else a[:, : width.get(a.shape[1], robot.n)]) for a in arrays]
+    used = slice(width.get(records.shape[-1], robot.n) if records.ndim > 1 else None)
+    return [np.array(records[..., used])]

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from truepose import _core
 from truepose.arguments import Array, check_seed
 from truepose.control import delays
@@ -14,15 +16,18 @@ from truepose.control.controller import (
 )
 from truepose.control.effects import Effects
 from truepose.control.limits import SafetyLimits
+from truepose.control.own_law import for_core
 from truepose.exceptions import InputError
 from truepose.faults.disturbance import Disturbance, events_of
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import LAWS, Law, Robot, knowledge, require_answers, usual
+from truepose.simulation.chart import Setpoints
 from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.run import Run
 
 RESTLESS = 1e-3  #: m or rad, largest peak to peak at rest in the last 50 ms
+_REST = 0.05  # s, end of the hold in which the robot must rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
 SATURATED = "saturated: "  #: prefix of the status of a robot that rests despite saturation
 
@@ -76,7 +81,9 @@ def prepare(
     limits = None if run.safety is None else run.safety.limits(robot, controller)
     guard = None if run.safety is None or limits is None else run.safety.guard(limits)
     belief = (believed.core, truth.core, gains, known, plant, filtered, wrong, fault_setup)
-    loop = _core.Simulation(*belief, slow, events, guard, steps, at_rest[0], check_seed(seed))
+    own = for_core(controller.law, robot) if callable(controller.law) else None
+    begin = steps, at_rest[0], check_seed(seed), own
+    loop = _core.Simulation(*belief, slow, events, guard, *begin)
     return Prepared(truth, loop, limits)
 
 
@@ -103,11 +110,26 @@ def require_within(events: Sequence[Fault | Disturbance], end: float) -> None:
             )
 
 
+def end_of(
+    time: Array, x: Array, saturated: Array, cycle_status: Array, hold: float
+) -> tuple[str, bool]:
+    """Return the status of a run that did not end early, and whether the robot rests."""
+    silent, limited = cycle_status[cycle_status > 0].tolist(), saturated.any(axis=0)
+    rests = bool(np.ptp(x[time >= time[-1] - min(_REST, hold)], axis=0).max() <= RESTLESS)
+    if silent:
+        return unanswered(len(silent), silent[0]), rests
+    if rests and limited.any():
+        return f"{SATURATED}motor {limited.argmax() + 1} was at its torque limit", True
+    return "ok" if rests else NO_REST, rests
+
+
+def held(setpoints: Setpoints, periods: float) -> Setpoints:
+    """Return setpoints with a hold at their end."""
+    after = (0, round(periods)), (0, 0)
+    x, *rates = setpoints
+    return Setpoints(np.pad(x, after, "edge"), *(np.pad(rate, after) for rate in rates))
+
+
 def unanswered(cycles: int, reason: int) -> str:
     """Return the status of a run with cycles without a result, and the first reason."""
     return f"no answer in {cycles} cycle{'s' * (cycles > 1)}: {_core.describe(reason)}"
-
-
-def saturated(motor: int) -> str:
-    """Return the status of a run in which a motor was at its torque limit."""
-    return f"{SATURATED}motor {motor + 1} was at its torque limit"

@@ -12,7 +12,6 @@ from truepose.arguments import Array, require_or_none
 from truepose.control.controller import Controller, OwnLaw, law_name, require_same_readings
 from truepose.control.effects import Effects
 from truepose.control.limits import stop_text
-from truepose.control.own_law import for_core
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.disturbance import named
 from truepose.faults.fault import Fault
@@ -26,17 +25,14 @@ from truepose.simulation.chart import Setpoints
 from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.paths import Line, Path, default_move, path_of
 from truepose.simulation.preparation import (
-    NO_REST,
-    RESTLESS,
     controller_of,
+    end_of,
+    held,
     prepare,
     require_within,
-    saturated,
-    unanswered,
 )
 from truepose.simulation.run import Run
 
-_REST = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
 _USUAL = Run()
 
 
@@ -63,13 +59,11 @@ class Simulation(Shown):
     x: Array  #: (T, n) true
     q_e: Array  #: (T, n + r) as read
     motor_error: Array  #: (T, n) ê_q of the law
-    torque: Array  #: (T, n)
     cycle_status: Array  #: (T,) int, the core's: above 0 no result, and the last torque was held
     gave_up: Array  #: (T,) bool: `learn` has stopped (:attr:`OnlineCalibrator.stopped`)
     health: Array  #: (T, n + r) int, index in `faults.monitor.HEALTH` of each reading
     symptom: Array  #: (T, n + r) int, why it was last not valid: `faults.monitor.SYMPTOMS`
     stops: Array  #: (T,) bool: the fault monitor stops the robot along its path
-    brakes: Array  #: (T,) int, motors whose brakes it or the safety shell requests, as bits
     disturbance: Array  #: (T,) int, index in `faults.disturbance.KINDS`, by its `forces`
     disturbed_motor: Array  #: (T,) int, motor of friction, from 0; all or none: -1
     disturbance_size: Array  #: (T,) mass, kg; friction, N·m (N); or the norm of the force
@@ -78,6 +72,8 @@ class Simulation(Shown):
     safety_state: Array  #: (T,) int, index in `truepose_safety.STATES`; -1 without a safety shell
     stop_cause: Array  #: (T,) int, index in `control.limits.CAUSES`, of the first violation
     stop_motor: Array  #: (T,) int, its motor from 0, or -1
+    brakes: Array  #: (T,) int, motors whose brakes it or the safety shell requests, as bits
+    torque: Array  #: (T, n)
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why it ended early, out of its workspace
@@ -159,14 +155,7 @@ class Simulation(Shown):
             return said
         if said := named(self):
             return said
-        if not self.answered.all():
-            reason = self.cycle_status[self.answered.argmin()]
-            return unanswered(int((~self.answered).sum()), int(reason))
-        last = self.time >= self.time[-1] - min(_REST, self.hold)
-        if not np.ptp(self.x[last], axis=0).max() <= RESTLESS:
-            return NO_REST
-        held = self.saturated.any(axis=0)
-        return saturated(int(held.argmax())) if held.any() else "ok"
+        return end_of(self.time, self.x, self.saturated, self.cycle_status, self.hold)[0]
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
         """Return the columns of a log of the run, see :func:`truepose.logs.writing.columns`."""
@@ -301,22 +290,16 @@ def simulate(
     require_within([*faults, *run.disturbances], (len(setpoints.x) - 1) * period + run.hold)
     if limits := prepared.limits:
         limits.require_path(*setpoints)
-    rest = np.zeros((round(run.hold / period), robot.n))
-    held = (rest + setpoints.x[-1], rest, rest)
-    x, rate, acceleration = (np.concatenate(p) for p in zip(setpoints, held, strict=True))
-    own = for_core(controller.law, robot) if callable(controller.law) else None
-    samples, status, chain = prepared.loop.follow(x, rate, acceleration, own)
-    log = members(robot, samples)
-    ended = "" if status <= 0 else _ended(status, chain, len(log[0]) * period)
+    whole = held(setpoints, run.hold / period)
+    samples, status, chain = prepared.loop.follow(*whole)
+    *log, _ = members(robot, samples)
+    guilty = f"chain {chain + 1}: " if chain >= 0 else ""
+    why = f"{len(log[0]) * period:.3f} s: {guilty}{_core.describe(status)}"
+    ended = f"stopped after {why}" if status > 0 else ""
     if ended and not (len(log[0]) and (faults or run.disturbances or run.safety is not None)):
         raise PoseError(f"{robot.name}: simulation {ended}")
     if limits and not ended:
-        limits.require_started(len(x), *log[-3:-1])
+        machine = samples["machine"]
+        limits.require_started(len(whole.x), machine["state"], machine["cause"])
     name = law_name(controller.law)
     return Simulation(robot, prepared.truth, controller, *log, run.hold, tuple(faults), ended, name)  # type: ignore[call-arg]
-
-
-def _ended(status: int, chain: int, after: float) -> str:
-    """Return when, s, and why a run ended early."""
-    guilty = f"chain {chain + 1}: " if chain >= 0 else ""
-    return f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"

@@ -150,8 +150,10 @@ class _Drive:
         self.stopped = ""
         safety, limits = self.plant.safety, self.limits
         guard = safety.guard(limits) if safety and limits else None
-        given = self.believed.core, self.settings, self.known, self.monitor, self.slow
-        self.state = _core.ExternalControl(*given, guard)
+        own = self.believed.core, self.believed.core, self.settings, self.known, _core.Effects()
+        self.state = _core.Simulation(
+            *own, None, [], self.monitor, self.slow, [], guard, 1, self.robot.home, 0, None
+        )
         if guard:
             cycle = 0
             while self.state.starts(cycle):  # the brakes hold the robot
@@ -163,7 +165,7 @@ class _Drive:
     def _step(self, end: Array, now: float, sensed: Array, frozen: bool = False) -> int:
         """Run the controller for one cycle of a move to `end` and return its status."""
         move = self.at, end, self.plant.duration, now
-        return int(self.state.step(*move, sensed, frozen)[0])
+        return self.state.step(*move, sensed, frozen)
 
     def _theta(self) -> float:
         frame = self.body.frame()
@@ -231,7 +233,7 @@ class _Drive:
             return status
         if self.limits:
             self._brake(time)
-        torque = self.state.torque[: self.robot.m]
+        torque = self.state.report.torque[: self.robot.m]
         applied, self.pending = (self.pending if effects.delay else torque), torque
         ripple = np.sin(_RIPPLES * body.positions()[0] + self.plant.ripple_phase)
         body.data.ctrl[:] = applied * (1 + effects.torque_ripple * ripple)

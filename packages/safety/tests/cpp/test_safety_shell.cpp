@@ -1,6 +1,6 @@
 // The safety shell around laws of simulated robots: what trips it, how soon, and how it stops.
+#include "moves.hpp"
 #include "safety_bench.hpp"
-#include "simulation/simulate.hpp"
 
 using namespace mechanisms;
 
@@ -250,10 +250,8 @@ TEST("a run begins however long the brakes of its safety shell take to open") {
   guard.limits.brake = 1.5;
   Extras extras;
   extras.guard = &guard;
-  const Run run{robot.home, robot.home, 0.1, 0, 2};
   std::size_t rows = 0;
-  CHECK(Loop(robot, robot, settings, robot.home, run.seed, extras).move(run, [&](const Sample&) {
-    ++rows;
-  }));
+  CHECK(run_move(Loop(robot, robot, settings, robot.home, 0, extras), robot.mobility, robot.home,
+                 robot.home, 0.1, 0, [&](const Sample&) { ++rows; }));
   CHECK(rows == 101);
 }

@@ -16,15 +16,14 @@ from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
 from truepose.robot import Law, Robot, as_rows, members
 from truepose.robot.frames import frames
+from truepose.simulation.paths import Line
 from truepose.simulation.plants import Visit
 from truepose.simulation.preparation import (
-    NO_REST,
-    RESTLESS,
     SATURATED,
     controller_of,
+    end_of,
+    held,
     prepare,
-    saturated,
-    unanswered,
 )
 from truepose.simulation.run import Run
 
@@ -133,15 +132,18 @@ def visit(
     controller = controller_of(controller, robot, effects)
     run.check(controller)
     prepared = prepare(robot, truth, controller, robot.home, run, effects, faults, monitor)
-    visits = prepared.loop.visit(rows, run.duration, run.hold)
-    x, q_e, low, high, held, status, cycles, reason = members(robot, visits)
-    words = np.array([_core.describe(int(s)) for s in status], dtype=object)
-    restless = (words == "ok") & ~((high - low).max(axis=1) <= RESTLESS)
-    words[restless] = NO_REST
-    lost = restless | (status > 0)
-    x[lost], q_e[lost] = np.nan, np.nan
-    for k in np.flatnonzero((status <= 0) & (cycles > 0)):
-        words[k] = unanswered(int(cycles[k]), int(reason[k]))
-    for k in np.flatnonzero((words == "ok") & (held >= 0)):
-        words[k] = saturated(held[k])
-    return x, q_e, words.astype(str)
+    x, q_e = np.full_like(rows, np.nan), np.full((len(rows), robot.m + robot.r), np.nan)
+    words, begin, period = [], robot.home, controller.period
+    for k, end in enumerate(rows):
+        move = Line(start=begin, end=end, duration=run.duration).setpoints(robot, period)
+        samples, status, _ = prepared.loop.follow(*held(move, run.hold / period))
+        word = _core.describe(status)
+        if status <= 0:
+            begin = end
+            time, _, true, read, _, silent, *_, torque, _ = members(robot, samples)
+            limited = np.abs(torque) >= robot.torque_limit
+            word, rests = end_of(time, true, limited, silent, run.hold)
+            if rests:
+                x[k], q_e[k] = true[-1], read[-1]
+        words.append(word)
+    return x, q_e, np.array(words, dtype=str)
