@@ -7,30 +7,32 @@
 namespace truepose {
 namespace {
 /// The search for ξ, with what it has found so far.
-class Calibrator {
- public:
-  Calibrator(Level level, const Robot& drawn, const Knowledge& prior,
-             const std::vector<double>& mean, const ReadingLog& log,
-             const CalibrationSettings& settings)
-      : level_(level),
-        drawn_(drawn),
-        prior_(prior),
-        mean_(mean),
-        log_(log),
-        settings_(settings),
-        robot_(drawn),
-        p_(prior.count),
-        n_(dof(drawn.mobility)),
-        readings_(readings(drawn)),
-        S_(p_, p_, prior.root),
-        H_xi_(drawn.finished ? 2 * readings_ * parameter_count(drawn) : 0),
-        rest_(log.count),
-        out_{std::vector<char>(log.count), std::vector<char>(log.links.link.size())} {}
+struct Calibrator {
+  const Level level_;
+  const Robot& drawn_;
+  const Knowledge& prior_;
+  const std::vector<double>& mean_;
+  const ReadingLog& log_;
+  const CalibrationSettings& settings_;
+
+  const int p_ = prior_.count, n_ = dof(drawn_.mobility), readings_ = readings(drawn_);
+  const RowMatrix S_{p_, p_, prior_.root};
+  Robot robot_ = drawn_;
+  std::vector<double> H_xi_{};
+  /// Start of each row's solution (full level).
+  std::vector<Parasitic> rest_ = std::vector<Parasitic>(log_.count);
+  /// Of each row's influences and nuisances.
+  std::vector<RowMatrix> D_ = std::vector<RowMatrix>(log_.count);
+  RowLoss loss_{};
+  Outliers out_ = none();
+  int last_iteration_ = 0;
+  CalibrationResult result_{};
 
   CalibrationResult run() {
     result_.status.assign(log_.count, Status::unreachable);
-    result_.outcome = {drawn_.finished ? Status::unreachable : Status::unfinished, -1};
+    result_.outcome = {drawn_.finished ? Status::unreachable : Status::unfinished};
     if (!drawn_.finished) return result_;
+    H_xi_.resize(2 * readings_ * parameter_count(drawn_));
     Iterate now{std::vector<double>(p_), std::vector<Pose>(log_.count), no_pull()};
     believe(now.u);
     reach(now);
@@ -43,7 +45,6 @@ class Calibrator {
     return result_;
   }
 
- private:
   using Iterate = CalibrationIterate;
 
   /// Maximum number of retries of rows that the last geometry excluded.
@@ -51,8 +52,14 @@ class Calibrator {
   /// Most steps by squares of all rows, and at each scale of Student's loss; most scales; most
   /// decisions about outliers.
   static constexpr int kFirst = 30, kRough = 20, kScales = 20, kDecisions = 10;
+  /// Largest scale of noise, over that stated, that least squares of all rows may have: beyond it
+  /// gross errors may be many.
+  static constexpr double kNoisy = 2;
 
   std::vector<Coordinates> no_pull() const { return std::vector<Coordinates>(log_.count); }
+  Outliers none() const {
+    return {std::vector<char>(log_.count), std::vector<char>(log_.links.link.size())};
+  }
 
   long counted() const {
     return std::count(result_.status.begin(), result_.status.end(), Status::ok);
@@ -62,13 +69,12 @@ class Calibrator {
   void search(Iterate& now) {
     const Iterate start{now.u, now.pose, no_pull()};
     const std::vector<Status> status = result_.status;
-    const Outliers none =
-        out_ = {std::vector<char>(log_.count), std::vector<char>(log_.links.link.size())};
+    out_ = none();
     now.weigh(loss_, out_);
     const bool squares = settings_.loss == Loss::squares;
     converge(now, squares ? settings_.iterations : kFirst);
     if (squares) return;
-    if (result_.outcome && now.outliers(log_.links, scale(now, kNoisy)) == none) return;
+    if (result_.outcome && now.outliers(log_.links, scale(now, kNoisy)) == none()) return;
     const auto restart = [&] {
       now = start;
       rest_.assign(log_.count, {});
@@ -93,7 +99,7 @@ class Calibrator {
     return std::clamp(at.spread(), 1.0, most);
   }
 
-  /// Descends by Student's loss at a scale that decreases to that of the median. @return outliers
+  /// Descends by Student's loss at a scale that decreases to that of the median. _return outliers
   Outliers rough(Iterate& now) {
     for (int k = 0; k < kScales; ++k) {
       loss_.unit = scale(now);
@@ -122,7 +128,7 @@ class Calibrator {
     }
   }
 
-  /// Adds excluded rows that have a pose at this geometry. @return whether there are any
+  /// Adds excluded rows that have a pose at this geometry. _return whether there are any
   bool more(Iterate& at) {
     const long before = counted();
     believe(at.u);
@@ -142,19 +148,15 @@ class Calibrator {
   /// D of every row: of influences as given, of nuisances at the current pose. Fixed in the search:
   /// its change with pose and ξ, times η, is of second order in the ideal level's model error.
   void freeze(const Iterate& at) {
-    if (!acted()) return;
     Knowledge axes = prior_;
     axes.count = settings_.nuisances;
     axes.column += p_ - axes.count;
     believe(at.u);
-    D_.resize(log_.count);
     for (int k = 0; k < log_.count; ++k)
       if (result_.status[k] == Status::ok)
         result_.status[k] =
             acting(robot_, axes, at.pose[k], influences_of(k), H_xi_.data(), D_[k]).status;
   }
-
-  bool acted() const { return settings_.influences + settings_.nuisances > 0; }
 
   Influences influences_of(int line) const {
     const int given = settings_.influences;
@@ -188,7 +190,7 @@ class Calibrator {
                       at.pose.data(), result_.status.data(), log_.measured);
   }
 
-  /// Finds poses of rows without one, from the motors. @return whether there is a new one
+  /// Finds poses of rows without one, from the motors. _return whether there is a new one
   bool reach(Iterate& at) {
     const Pose home = to_pose(robot_.mobility, robot_.home);
     Pose guess = home;
@@ -213,8 +215,8 @@ class Calibrator {
   }
 
   /// Evaluates every good row at this geometry and these poses.
-  /// @param last  the iterate that this one was reached from, if any
-  /// @return the first row that cannot be evaluated, or -1
+  /// _param last  the iterate that this one was reached from, if any
+  /// _return the first row that cannot be evaluated, or -1
   int evaluate(Iterate& at, const Iterate* last = nullptr) {
     believe(at.u);
     at.line.resize(log_.count);
@@ -230,7 +232,7 @@ class Calibrator {
 
   bool linearise_row(Iterate& at, int k) {
     Line& line = at.line[k];
-    if (!linearise_row(at, k, prior_, acted() ? &D_[k] : nullptr, line)) return false;
+    if (!linearise_row(at, k, prior_, D_[k], line)) return false;
     const int m = settings_.nuisances;
     for (int i = 0; i < line.rows; ++i)
       line.e[i] -= dot(m, line.B[i] + p_ - m, at.u.data() + p_ - m);
@@ -238,8 +240,8 @@ class Calibrator {
     return true;
   }
 
-  /// @param known, D  as of linearise_line: with more columns than the prior's, or its own
-  bool linearise_row(const Iterate& at, int k, const Knowledge& known, const RowMatrix* D,
+  /// _param known, D  as of linearise_line: with more columns than the prior's, or its own
+  bool linearise_row(const Iterate& at, int k, const Knowledge& known, const RowMatrix& D,
                      Line& line) {
     const bool referenced = k >= log_.count - log_.referenced;
     Outside outside;
@@ -259,7 +261,7 @@ class Calibrator {
                .status == Status::ok;
   }
 
-  /// Moves row k to a pose of lower misfit, or to any if it has `none`. @return whether it moved
+  /// Moves row k to a pose of lower misfit, or to any if it has `none`. _return whether it moved
   bool lower(Iterate& at, int k, const Pose& to, bool none = false) {
     const Pose pose = at.pose[k];
     const Line line = at.line[k];
@@ -334,7 +336,7 @@ class Calibrator {
     return {Status::not_converged, -1};
   }
 
-  /// Moves pose k with the step of ξ: R δx = e - B δu + ν̂. @return largest move in units of its σ
+  /// Moves pose k with the step of ξ: R δx = e - B δu + ν̂. _return largest move in units of its σ
   double follow(const Iterate& now, int k, const std::vector<double>& step, Iterate& trial) const {
     const Line& line = now.line[k];
     if (line.rows < n_) return 0;
@@ -351,49 +353,34 @@ class Calibrator {
 
   /// The equations of the last step, with a column for an error of each reading.
   void tabulate(const Iterate& at) {
-    LogRows& all = result_.rows;
-    Knowledge wide = prior_;  // its root multiplies the parameters' columns at the end
+    const int width = p_ + readings_;
     std::vector<std::int32_t> column(prior_.column, prior_.column + p_);
-    column.resize(p_ + readings_, -1);
-    wide.count = p_ + readings_;
-    wide.column = column.data();
-    wide.root = nullptr;
-    const int acting = settings_.influences + settings_.nuisances;
+    column.resize(width, -1);
+    RowMatrix root = RowMatrix::identity(width);
+    for (int i : range(p_)) std::copy_n(S_[i], p_, root[i]);
+    const Knowledge wide{width, column.data(), root.data(), prior_.sigma};
     std::vector<Line> lines(log_.count);
-    RowMatrix raw(at.equations(), wide.count);
-    const auto enter = [&](const double* from, double y, int line) {
-      std::copy_n(from, wide.count, raw[static_cast<int>(all.y.size())]);
-      all.y.push_back(y);
-      all.line.push_back(line);
-    };
     for (int k = 0; k < log_.count; ++k) {
       if (at.line[k].rows < n_) continue;
-      RowMatrix D(readings_, acting + readings_);
+      RowMatrix D(readings_, D_[k].cols() + readings_);
       for (int c = 0; c < readings_; ++c) {
-        if (acting > 0) std::copy_n(D_[k][c], acting, D[c]);
-        D(c, acting + c) = 1;
+        std::copy_n(D_[k][c], D_[k].cols(), D[c]);
+        D(c, D_[k].cols() + c) = 1;
       }
-      Line& line = lines[k];
-      if (!linearise_row(at, k, wide, &D, line)) continue;
-      line.e = at.line[k].e;
-      for (int i = n_; i < line.rows; ++i) enter(line.B[i], line.e[i], k);
+      if (linearise_row(at, k, wide, D, lines[k])) lines[k].e = at.line[k].e;
     }
-    if (!log_.links.link.empty())
-      for (LinkBlock& block :
-           linked(robot_.mobility, log_.links, result_.w.data(), wide, at.pose, lines)) {
-        RowMatrix y(block.size(), 1, block.y.data());
-        solve_lower(block.C, block.B);
-        solve_lower(block.C, y);
-        for (int k = 0; k < block.size(); ++k) enter(block.B[k], y(k, 0), -1);
-      }
-    const int rows = static_cast<int>(all.y.size());
-    RowMatrix own(rows, p_);
-    all.D = RowMatrix(rows, readings_);
-    for (int i = 0; i < rows; ++i) {
-      std::copy_n(raw[i], p_, own[i]);
-      std::copy_n(raw[i] + p_, readings_, all.D[i]);
-    }
-    all.B = own * S_;
+    const std::vector<LinkBlock> blocks =
+        linked(robot_.mobility, log_.links, result_.w.data(), wide, at.pose, lines);
+    LogRows& all = result_.rows;
+    const int rows = equation_count(lines, blocks);
+    all.B = RowMatrix(rows, p_), all.D = RowMatrix(rows, readings_);
+    each_equation(lines, blocks, [&](const double* from, double y, int line, bool linked) {
+      const int row = static_cast<int>(all.y.size());
+      std::copy_n(from, p_, all.B[row]);
+      std::copy_n(from + p_, readings_, all.D[row]);
+      all.y.push_back(y);
+      all.line.push_back(linked ? -1 : line);
+    });
     const std::vector<double> moved = all.B * at.u;
     for (int i = 0; i < rows; ++i) all.y[i] += moved[i];
   }
@@ -422,33 +409,12 @@ class Calibrator {
       result_.weight.push_back(line.redundancy() > 0 ? line.weight(loss_) : good);
     }
   }
-
-  /// Largest scale of noise, over that stated, that least squares of all rows may have: beyond it
-  /// gross errors may be many.
-  static constexpr double kNoisy = 2;
-
-  const Level level_;
-  const Robot& drawn_;
-  const Knowledge& prior_;
-  const std::vector<double>& mean_;
-  const ReadingLog& log_;
-  const CalibrationSettings& settings_;
-  Robot robot_;
-  const int p_, n_, readings_;
-  const RowMatrix S_;
-  std::vector<double> H_xi_;
-  std::vector<Parasitic> rest_;  ///< start of each row's solution (full level)
-  std::vector<RowMatrix> D_;     ///< of each row's influences and nuisances
-  RowLoss loss_;
-  Outliers out_;
-  int last_iteration_ = 0;
-  CalibrationResult result_;
 };
 }  // namespace
 
 CalibrationResult calibrate(Level level, const Robot& drawn, const Knowledge& prior,
                             const std::vector<double>& mean, const ReadingLog& log,
                             const CalibrationSettings& settings) {
-  return Calibrator(level, drawn, prior, mean, log, settings).run();
+  return Calibrator{level, drawn, prior, mean, log, settings}.run();
 }
 }  // namespace truepose

@@ -18,11 +18,6 @@ RowMatrix RowMatrix::identity(int size) {
   return I;
 }
 
-void RowMatrix::keep(int rows) {
-  rows_ = rows;
-  resize(std::size_t(rows) * columns_);
-}
-
 RowMatrix transposed(const RowMatrix& A) {
   RowMatrix T(A.cols(), A.rows());
   for (int i : range(A.rows()))

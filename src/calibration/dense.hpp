@@ -24,9 +24,6 @@ class RowMatrix : std::vector<double> {
   const double* operator[](int i) const { return data() + long(i) * columns_; }
   double* operator[](int i) { return data() + long(i) * columns_; }
 
-  /// Leaves the first rows, or adds rows of zeros.
-  void keep(int rows);
-
  private:
   int rows_ = 0, columns_ = 0;
 };

@@ -13,13 +13,6 @@ std::array<double, kMaxRows + 1> beyond(double probability) {
 }
 }  // namespace
 
-int CalibrationIterate::equations() const {
-  int sum = 0;
-  for (const Line& each : line) sum += each.redundancy();
-  for (const LinkBlock& each : block) sum += each.size();
-  return sum;
-}
-
 void CalibrationIterate::weigh(const RowLoss& loss, const Outliers& out) {
   for (std::size_t k = 0; k < line.size(); ++k) line[k].outlier = out.line[k];
   for (LinkBlock& each : block) each.weigh(loss, out.link);
@@ -65,20 +58,11 @@ StepEquations CalibrationIterate::step(const RowLoss& loss) const {
   const int p = static_cast<int>(u.size());
   RowMatrix B(equations(), p);
   std::vector<double> y;
-  const auto enter = [&](double root, const double* from, double value) {
+  each_equation(line, block, [&](const double* from, double value, int k, bool linked) {
+    const double root = linked ? 1 : std::sqrt(line[k].weight(loss));
     add_scaled(p, root, from, B[static_cast<int>(y.size())]);
     y.push_back(root * value);
-  };
-  for (const Line& each : line)
-    if (each.redundancy() > 0)
-      for (int i = each.n; i < each.rows; ++i)
-        enter(std::sqrt(each.weight(loss)), each.B[i], each.e[i]);
-  for (const LinkBlock& each : block) {
-    RowMatrix own = each.B, right(each.size(), 1, each.y.data());
-    solve_lower(each.C, own);
-    solve_lower(each.C, right);
-    for (int k = 0; k < each.size(); ++k) enter(1, own[k], right(k, 0));
-  }
+  });
   StepEquations result{plus_gram(RowMatrix::identity(p), B), u};
   for (double& entry : result.right) entry = -entry;
   for (int row = 0; row < B.rows(); ++row) add_scaled(p, y[row], B[row], result.right.data());

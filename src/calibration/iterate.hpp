@@ -27,7 +27,7 @@ struct CalibrationIterate {
   std::vector<Line> line{};
   std::vector<LinkBlock> block{};
 
-  int equations() const;
+  int equations() const { return equation_count(line, block); }
   void weigh(const RowLoss& loss, const Outliers& out);
   double cost(const RowLoss& loss) const;
   /// Robust scale of the residuals that count: √ of the median d² over that of χ².

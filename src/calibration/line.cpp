@@ -56,18 +56,15 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
 }
 
 Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                       const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
+                       const double* q_e, Outside outside, const RowMatrix& D, double* H_xi,
                        Line& line, Parasitic& rest) {
   const int n = dof(robot.mobility), readings = truepose::readings(robot), p = known.count;
-  // After ξ: auxiliary unknowns, on which these readings do not depend, and nuisances.
-  const int last = D ? D->cols() : 0;
-  const int others = int(std::count(known.column, known.column + p - last, -1)) + last;
   line.B = RowMatrix(readings + (outside.x ? n : 0), p);
   const Outcome outcome =
-      linearise_row(level, robot, known, pose, q_e, others, H_xi, line.B.data(), line, rest);
+      linearise_row(level, robot, known, pose, q_e, H_xi, line.B.data(), line, rest);
   if (!outcome) return outcome;
-  for (int i = 0; i < line.rows && D; ++i)
-    std::copy_n((*D)[line.reading[i]], last, line.B[i] + p - last);
+  for (int i : range(line.rows))
+    std::copy_n(D[line.reading[i]], D.cols(), line.B[i] + p - D.cols());
   times_root(known, line.rows, line.B.data());
   if (outside.x) {  // depends on the pose only
     Seen by = seen(robot.mobility, *outside.registration, pose);

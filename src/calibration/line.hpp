@@ -54,10 +54,10 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
 
 /// Linearises readings and external measurement at a pose, and eliminates the pose.
 /// @param q_e    m + r readings, NaN where missing; nullptr: as expected
-/// @param known  ξ, then unknowns that no reading depends on, column -1, then η if D is given
-/// @param D      ∂q_e/∂η in units of the readings' σ, from acting; nullptr: no η
+/// @param known  ξ, then unknowns that no reading depends on, column -1, then η
+/// @param D      ∂q_e/∂η in units of the readings' σ, from acting; empty: no η
 /// @param H_xi   work space, 2 (m + r) × parameter_count. @param rest  as of linearise
 Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                       const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
+                       const double* q_e, Outside outside, const RowMatrix& D, double* H_xi,
                        Line& line, Parasitic& rest);
 }  // namespace truepose

@@ -160,6 +160,25 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
   return blocks;
 }
 
+int equation_count(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks) {
+  int sum = 0;
+  for (const Line& each : lines) sum += each.redundancy();
+  for (const LinkBlock& each : blocks) sum += each.size();
+  return sum;
+}
+
+void each_equation(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks,
+                   const std::function<void(const double*, double, int, bool)>& f) {
+  for (const Line& line : lines)
+    for (int i : range(line.n, line.rows)) f(line.B[i], line.e[i], int(&line - lines.data()), false);
+  for (const LinkBlock& block : blocks) {
+    RowMatrix B = block.B, y(block.size(), 1, block.y.data());
+    solve_lower(block.C, B);
+    solve_lower(block.C, y);
+    for (int k : range(block.size())) f(B[k], y(k, 0), block.end[0].line, true);
+  }
+}
+
 void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu) {
   std::vector<double> left = block.B * step;
   for (int k : range(block.size())) left[k] = block.y[k] - left[k];

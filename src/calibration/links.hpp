@@ -11,6 +11,7 @@
 // poses gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε has its own weight.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "calibration/line.hpp"
@@ -86,6 +87,14 @@ struct LinkBlock {
 std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
                               const Knowledge& known, const std::vector<Pose>& poses,
                               const std::vector<Line>& lines);
+
+/// Number of the equations free of poses.
+int equation_count(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks);
+
+/// Calls f(row of B, y, row of the log, whether it is of links) for these equations, with noise of
+/// unit covariance; the row of a block of links is its first one.
+void each_equation(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks,
+                   const std::function<void(const double*, double, int, bool)>& f);
 
 /// Adds the links' effect on every row's ν after the change `step` of u.
 void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu);

@@ -90,10 +90,7 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
   const int p = window.filter.count, r = row.r, readings = row.readings;
   Real *F = work, *gain = F + r * p;
   Innovations made;
-  made.r = r;
-  copy_first(r, row.e, made.y);
-  std::copy_n(row.B, r * p, F);
-  const Outcome finite = innovate(window.filter, row.about, row.curvature, F, made);
+  const Outcome finite = innovate(window.filter, row, F, made);
   ++window.rows;
   const Real chi2 = made.chi2();
   const bool gross = !(chi2 <= beyond(kGate, r));
@@ -108,10 +105,9 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
     Real* own = window.response + k * p;
     for (int i : range(r))
       for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
-    made.transform(w);
+    window.z[k] += made.transform(w).score;
     for (int i : range(r)) {
       const Real share = w[i] / made.total[i];
-      window.z[k] += share * made.y[i];
       every[k * r + i] = w[i];
       for (int j : range(p)) own[j] += gain[i * p + j] * share;
     }
@@ -130,9 +126,7 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
       respond(changes.steps + kFaults * c + fault);
     }
     for (int i : range(r)) w[i] = row.G[i * readings + c];
-    made.transform(w);
-    Column error;
-    for (int i : range(r)) error.add(w[i], made.y[i], made.total[i]);
+    const Column error = made.transform(w);
     for (std::size_t f = 0; f < kFactor.size(); ++f)
       window.noisy[f][c] += error.log_odds(kFactor[f] * kFactor[f] - 1);
   }

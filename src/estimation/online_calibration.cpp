@@ -5,17 +5,6 @@
 
 namespace truepose {
 namespace {
-/// Layout of `observe`'s work space.
-struct Work {
-  Real *H_xi, *B, *F, *G, *gain;
-  Work(const Robot& robot, int count, Real* work)
-      : H_xi(work),
-        B(H_xi + readings(robot) * parameter_count(robot)),
-        F(B + dof(robot.mobility) * count),
-        G(F + redundancy(robot) * count),
-        gain(G + readings(robot) * readings(robot)) {}
-};
-
 /// Effect of a payload on the equations free of the pose. @return false without one, or where the
 /// Jacobian of the first n motors is singular
 bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& sigma,
@@ -45,16 +34,17 @@ struct Cycle {
   const Extended& q_e;
   OnlineState& state;
   const Pose& guess;
-  const Work work;
+  Real* const H_xi;  ///< work space
 
   const int n = dof(robot.mobility), readings = truepose::readings(robot);
+  Real* const B = H_xi + readings * parameter_count(robot);
+  Real* const G = B + readings * state.count;
+  Real* const F = G + readings * readings;
+  Real* const gain = F + redundancy(robot) * state.count;
   Pose pose{};         ///< x̂
-  RowsOfPose H_x{};    ///< whitened
-  Innovations made{};  ///< of the equations about ξ; their F is in the work space
+  Innovations made{};  ///< of the equations about ξ
 
-  // Not inlined: their stacks are not needed together.
-  [[gnu::noinline]] Outcome innovations(int without);
-  [[gnu::noinline]] bool explained(Extended& by) const;
+  [[gnu::noinline]] Outcome innovations(int without);  // its stack is not needed later
   bool isolate(int r, int& faulty);
   void test(Real log_ratio);
   void drift();
@@ -78,14 +68,15 @@ Outcome Cycle::innovations(int without) {
 
   // From the motors' pose to that of all readings, which is farther without a motor.
   ReadingRow row;
+  RowsOfPose H_x;  // whitened
   for (int steps = whole ? 2 : 5; steps > 0; --steps) {
     const bool last = steps == 1;
-    const Outcome outcome = linearise_row(level, robot, known, pose, used.data(), 0,
-                                          last ? work.H_xi : nullptr, work.B, row, rest);
+    const Outcome outcome = linearise_row(level, robot, known, pose, used.data(),
+                                          last ? H_xi : nullptr, B, row, rest);
     if (!outcome) return outcome;
     H_x = row.R;
-    if ((last && whole && state.window && !of_readings(n, row.rows, H_x, work.G)) ||
-        !eliminate(n, row.rows, row.R, work.B, last ? state.count : 0, row.e))
+    if ((last && whole && !of_readings(n, row.rows, H_x, G)) ||
+        !eliminate(n, row.rows, row.R, B, last ? state.count : 0, row.e))
       return {Status::singular};
     Coordinates step{};
     copy_first(n, row.e, step);
@@ -95,40 +86,33 @@ Outcome Cycle::innovations(int without) {
   }
   const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + readings);
   const Real curvature = settings.linearised ? 0 : kCurvature * coarsest;
-  const Real* about = settings.linearised ? settings.linearised : state.xi;
-  made.r = row.rows - n;
-  copy_first(made.r, row.e.begin() + n, made.y);
+  Equations equations{row.rows - n,
+                      row.rows,
+                      B + n * state.count,
+                      G + n * row.rows,
+                      row.e.data() + n,
+                      settings.linearised ? settings.linearised : state.xi,
+                      nullptr,
+                      curvature};
   if (whole && state.window) {
-    Equations equations{made.r,        row.rows, work.F,  work.G + n * row.rows,
-                        made.y.data(), about,    nullptr, curvature};
     std::array<Real, kMaxReadings> loaded;
     if (by_payload(n, row.rows, settings.changes, state.sigma, H_x, equations.G, loaded))
       equations.loaded = loaded.data();
-    add_row(settings.changes, state.sigma, equations, *state.window, work.gain);
+    add_row(settings.changes, state.sigma, equations, *state.window, F);
   }
-  return innovate(state, about, curvature, work.F, made);
-}
-
-/// Decrease of χ² by an error of each reading. @return false where there is none
-bool Cycle::explained(Extended& by) const {
-  std::array<Real, kMaxRows * kMaxRows> unit;
-  if (!of_readings(n, readings, H_x, unit.data())) return false;
-  for (int c : range(readings)) {
-    std::array<Real, kMaxReadings> g;
-    for (int i : range(made.r)) g[i] = unit[(n + i) * readings + c];
-    made.transform(g);
-    Column error;
-    for (int i : range(made.r)) error.add(g[i], made.y[i], made.total[i]);
-    by[c] = error.chi2();
-  }
-  return true;
+  return innovate(state, equations, F, made);
 }
 
 /// Innovations without the one reading that alone explains a contradiction of r equations, if there
 /// is one. @return whether the other readings agree
 bool Cycle::isolate(int r, int& faulty) {
-  Extended by{};
-  if (r < 2 || !explained(by)) return false;
+  if (r < 2) return false;
+  Extended by{};  // decrease of χ² by an error of each reading
+  for (int c : range(readings)) {
+    std::array<Real, kMaxReadings> g;
+    for (int i : range(r)) g[i] = G[(n + i) * readings + c];
+    by[c] = made.transform(g).chi2();
+  }
   const int suspect = outstanding(readings, by, beyond(settings.gate, 1));
   if (suspect < 0 || !innovations(suspect) || !(made.chi2() <= beyond(settings.gate, r - 1)))
     return false;
@@ -161,8 +145,8 @@ void Cycle::drift() {
   state.due = (state.due + 1) % by.drifts;
   const Real cycles = sqrt(Real(by.drifts));
   const int p = state.count;
-  for (int k : range(p)) work.gain[k] = cycles * by.drift[state.due * p + k];
-  add_drift(p, state.root, work.gain);
+  for (int k : range(p)) gain[k] = cycles * by.drift[state.due * p + k];
+  add_drift(p, state.root, gain);
 }
 }  // namespace
 
@@ -175,7 +159,7 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
   const Real* xi = settings.linearised ? settings.linearised : state.xi;
   Outcome outcome = set_parameters(drawn, xi, robot);
   if (!outcome) return outcome;
-  Cycle cycle{level, robot, settings, q_e, state, pose, Work(drawn, state.count, memory)};
+  Cycle cycle{level, robot, settings, q_e, state, pose, memory};
   outcome = cycle.innovations(-1);
   if (!outcome) {
     if (gated && (outcome.status == Status::unreachable || outcome.status == Status::not_converged))
@@ -198,7 +182,7 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
   pose = found;
   if (state.test.stopped) return {Status::stopped};
   if (!updates) return outcome;
-  update(cycle.made, cycle.work.F, state, cycle.work.gain);
+  update(cycle.made, cycle.F, state, cycle.gain);
   cycle.drift();
   return outcome;
 }
