@@ -111,8 +111,7 @@ struct Calibrator {
     for (int k : range(log.count))
       found.line[k] = now.line[k].redundancy() > 0 && now.line[k].weight(loss) < kOutlier;
     for (const LinkBlock& block : now.block)
-      for (int k : range(block.size()))
-        found.link[block.link[k]] = block.weight[k] < kOutlier;
+      for (int k : range(block.size())) found.link[block.link[k]] = block.weight[k] < kOutlier;
     loss = {};
     return found;
   }
@@ -156,9 +155,8 @@ struct Calibrator {
     for (int k : range(log.count))
       if (result.status[k] == Status::ok)
         result.status[k] = acting(robot, axes, at.pose[k],
-                                   {given, log.influence + k * readings * given}, H_xi.data(),
-                                   D[k])
-                                .status;
+                                  {given, log.influence + k * readings * given}, H_xi.data(), D[k])
+                               .status;
   }
 
   /// Sets robot, registration, links' unknowns and the amounts of influences and nuisances to those
@@ -182,9 +180,9 @@ struct Calibrator {
     if (first < 0 || !log.measured) return log.registration;
     // An unknown marker position includes x, an unknown turn the one about the platform's z.
     const int place = first + 6, turn = first + kRegistration - 1;
-    return registered(robot.mobility, log.registration, S(first, first) > 0,
-                      S(place, place) > 0, S(turn, turn) > 0, log.count - log.referenced,
-                      at.pose.data(), result.status.data(), log.measured);
+    return registered(robot.mobility, log.registration, S(first, first) > 0, S(place, place) > 0,
+                      S(turn, turn) > 0, log.count - log.referenced, at.pose.data(),
+                      result.status.data(), log.measured);
   }
 
   /// Finds poses of rows without one, from the motors. @return whether there is a new one
@@ -299,8 +297,7 @@ struct Calibrator {
       for (const LinkBlock& block : now.block) pull(block, step, trial.line);
       double moved_by = 0;
       for (int k : range(log.count))
-        moved_by =
-            max(moved_by, sqrt(now.line[k].weight(loss)) * follow(now, k, step, trial));
+        moved_by = max(moved_by, sqrt(now.line[k].weight(loss)) * follow(now, k, step, trial));
       const double gain =
           dot(p, step.data(), right.data());  // predicted decrease of the cost, at least
       if (damping == 0) promised = gain;

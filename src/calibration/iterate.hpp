@@ -86,7 +86,8 @@ struct CalibrationIterate {
     for (const LinkBlock& each : block) cross_validate(links, each, root, found);
     Outliers result;
     for (const Line& each : line)
-      result.line.push_back(!each.certain && each.left_out(root) > square * most[each.redundancy()]);
+      result.line.push_back(!each.certain &&
+                            each.left_out(root) > square * most[each.redundancy()]);
     for (const LinkResult& each : found)
       result.link.push_back(each.left_out * each.left_out >
                             square * most[1] * each.sigma * each.sigma);

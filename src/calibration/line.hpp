@@ -48,9 +48,9 @@ struct Influences {
   const double* pattern = nullptr;  ///< (m + r) × count: effect of one unit of each
 };
 
-/// Computes D of a row, in σ of the readings: of influences, then of η, the model error of the ideal
-/// level. Axes that deviate from nominal tilt the platform and turn its bars; readings then differ
-/// by D η to first order, with D = H_ξ(full) - H_ξ(ideal).
+/// Computes D of a row, in σ of the readings: of influences, then of η, the model error of the
+/// ideal level. Axes that deviate from nominal tilt the platform and turn its bars; readings then
+/// differ by D η to first order, with D = H_ξ(full) - H_ξ(ideal).
 /// @param axes  columns of H_ξ of η; σ of the readings
 /// @param H_xi  work space, 2 (m + r) × parameter_count
 Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,

@@ -87,8 +87,7 @@ std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& line
     return lines[link.line[0]].rows >= n && lines[last(link)].rows >= n;
   };
   for (const Link& link : links.link)
-    if (usable(link))
-      std::ranges::replace(group, int(group[last(link)]), int(group[link.line[0]]));
+    if (usable(link)) std::ranges::replace(group, int(group[last(link)]), int(group[link.line[0]]));
   std::vector<LinkBlock> blocks;
   for (int k = 0; k < int(links.link.size()); ++k) {
     const Link& link = links.link[k];
@@ -162,7 +161,8 @@ int equation_count(const std::vector<Line>& lines, const std::vector<LinkBlock>&
 void each_equation(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks,
                    const std::function<void(const double*, double, int, bool)>& f) {
   for (const Line& line : lines)
-    for (int i : range(line.n, line.rows)) f(line.B[i], line.e[i], int(&line - lines.data()), false);
+    for (int i : range(line.n, line.rows))
+      f(line.B[i], line.e[i], int(&line - lines.data()), false);
   for (const LinkBlock& block : blocks) {
     RowMatrix B = block.B, y(block.size(), 1, block.y.data());
     solve_lower(block.C, B);

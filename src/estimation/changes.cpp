@@ -42,18 +42,15 @@ Evidence evidence_of(const ChangeSettings& changes, int change, const Window& wi
 }
 }  // namespace
 
-int window_memory(const Robot& robot, int p, const ChangeSettings& changes) {
-  if (changes.count == 0) return 0;
-  const int m = readings(robot), K = responses(changes, m), n = widest(changes);
-  return 2 * p * p + 3 * parameter_count(robot) + K * (p + 1 + n + redundancy(robot)) +
-         n * (n + 1) + changes.steps + kStored * m;
-}
-
-void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
-             Real* memory, Window& window) {
+int lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
+            Real* memory, Window& window) {
   const int m = readings(robot), K = responses(changes, m), n = widest(changes);
   const int p = filter.count, width = parameter_count(robot);
-  const auto take = [&](int count) { return std::exchange(memory, memory + count); };
+  int taken = 0;
+  const auto take = [&](int count) {
+    taken += count;
+    return memory ? memory + taken - count : nullptr;
+  };
   window.widest = n;
   for (RootFilter* own : {&window.base, &window.filter})
     *own = {p, filter.column, take(width), take(p * p)};
@@ -62,6 +59,7 @@ void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings&
   window.scratch = take(n * (n + 1) + K * redundancy(robot));
   window.stored = take(kStored * m);
   window.about = take(width);
+  return taken;
 }
 
 void restart(const ChangeSettings& changes, int readings, Window& window, Real* work) {

@@ -80,11 +80,10 @@ struct Window {
   long recognised = 0;  ///< number of changes so far; the last kNews in turn in `news`
 };
 
-/// Numbers of memory of a window.
-int window_memory(const Robot& robot, int p, const ChangeSettings& changes);
-/// Lays out a window's arrays. @param filter  the calibration's
-void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
-             Real* memory, Window& window);
+/// Lays out a window's arrays. @param filter  the calibration's @param memory  nullptr: no array
+/// @return numbers of memory
+int lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
+            Real* memory, Window& window);
 
 /// Adds a row to a window's evidence. @param sigma  of the readings @param work  2 r p numbers
 void add_row(const ChangeSettings& changes, const Extended& sigma, const Equations& row,

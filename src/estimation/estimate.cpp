@@ -106,8 +106,7 @@ struct Search {
     const Coordinates before = step;
     Real along = 0, whole2 = 0;  // of the last one
     Coordinates slope{};
-    for (int i : range(n))
-      slope[i] = sum_of(rows, [&](int c) { return A[c][i] * white[c]; });
+    for (int i : range(n)) slope[i] = sum_of(rows, [&](int c) { return A[c][i] * white[c]; });
     step = slope;
     equations.solve(step);
     size = promised = 0;
@@ -210,8 +209,7 @@ Estimate estimate(Level level, const Robot& robot, const Knowledge& known, const
   Outcome outcome = linearise(level, robot, at.pose, at.q_e, at.H_x, H_xi, &rest);
   if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
   if (!outcome) return {outcome};
-  const Estimate found =
-      search(level, robot, known, C, q_e, at, rest, 0, kEstimateIterations);
+  const Estimate found = search(level, robot, known, C, q_e, at, rest, 0, kEstimateIterations);
   if (found) pose = at.pose;
   return found;
 }

@@ -9,7 +9,7 @@ namespace truepose {
 /// Normal distributions of the uncertain parameters and of the readings' errors. The arrays are the
 /// caller's: a prior or the posterior of a calibration.
 struct Knowledge {
-  int count = 0;                         ///< p, uncertain parameters
+  int count = 0;  ///< p, uncertain parameters
   /// Each one's column of H_ξ (parameters.hpp); -1: no reading depends on it through H_ξ.
   const std::int32_t* column = nullptr;
   const Real* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I

@@ -30,7 +30,7 @@ struct Equations {
   const Real *B = nullptr, *G = nullptr;  ///< r × p; r × readings, by an error of one σ of each
   const Real *e = nullptr, *about = nullptr;
   const Real* loaded = nullptr;  ///< r, by a payload; nullptr: as its step
-  Real curvature = 0;  ///< second-order remainder over the square of the loop residual
+  Real curvature = 0;            ///< second-order remainder over the square of the loop residual
 };
 
 /// r equations, each made independent of those before.

@@ -189,8 +189,8 @@ TEST("parameters, poses and links left out are those of all equations at once") 
       if (scene.lines[k].rows == 0) continue;
       Coordinates change{};
       for (int i = 0; i < Scene::n; ++i)
-        change[i] =
-            scene.lines[k].e[i] - reference::dense(scene.lines[k].B).row(i).dot(u) + pulled[k].pull[i];
+        change[i] = scene.lines[k].e[i] - reference::dense(scene.lines[k].B).row(i).dot(u) +
+                    pulled[k].pull[i];
       back_substitute(Scene::n, scene.lines[k].R, change);
       for (int i = 0; i < Scene::n; ++i) CHECK_NEAR(change[i], best[Scene::n * k + i], 1e-9);
     }
