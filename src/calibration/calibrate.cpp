@@ -238,7 +238,7 @@ struct Calibrator {
       outside = {log.measured + k * n, log.measured_sigma + k * n,
                  referenced ? &kAligned : &result.registration,
                  referenced ? -1 : settings.registration};
-    line.certain = referenced, line.outlier = out.line[k];
+    line.certain = referenced;
     Extended q_e{};
     for (int c : range(readings))
       q_e[c] = log.q_e[k * readings + c] -
@@ -291,7 +291,7 @@ struct Calibrator {
       const double scatter = max(1.0, current / freedoms);  // 1 for a correct model
       for (int k : range(p)) information(k, k) *= 1 + damping;
       const std::vector<double> step = solve_cholesky(cholesky(information), right);
-      if (!all_finite(step, p)) return {Status::not_finite, -1};
+      if (!all_finite(step, p)) return {Status::not_finite};
       Iterate trial{now.u, now.pose, std::vector<Line>(log.count)};
       for (int k : range(p)) trial.u[k] += step[k];
       for (const LinkBlock& block : now.block) pull(block, step, trial.line);
@@ -313,12 +313,12 @@ struct Calibrator {
         last += small;
         if (gain < 1e-14 || last == 3) return {};
       } else if (damping > 1e10) {  // no step lowers the cost: at rounding, or singular
-        return {promised < 1e-2 * scatter ? Status::ok : Status::singular, -1};
+        return {promised < 1e-2 * scatter ? Status::ok : Status::singular};
       } else {
         damping = max(10 * damping, 1e-4);
       }
     }
-    return {Status::not_converged, -1};
+    return {Status::not_converged};
   }
 
   /// Moves pose k with the step of ξ: R δx = e - B δu + ν̂. @return largest move in units of its σ

@@ -54,7 +54,7 @@ Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, cons
   if (outcome) outcome = linearise(Level::ideal, robot, pose, q_e, H_x, H_xi + size);
   if (!outcome) return outcome;
   for (int k : range(size)) H_xi[k] -= H_xi[size + k];
-  for (int c : range(readings)) gather_row(robot, axes, H_xi, c, D[c] + given.count);
+  for (int c : range(readings)) gather_row(robot, axes, axes.count, H_xi, c, D[c] + given.count);
   return {};
 }
 

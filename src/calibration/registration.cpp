@@ -147,27 +147,21 @@ Registration registered(Mobility mobility, const Registration& known, bool moved
   if (moved) result.base = {shift, Mat3::Identity()};
   for (int round = 0; round < 50 && !pairs.empty(); ++round) {
     double total = 0;
-    Vec3 from = Vec3::Zero(), to = Vec3::Zero();
+    for (const auto& p : pairs) total += p.weight;
+    // Means; of a known base its origin.
+    Vec3 from = Vec3::Zero(), to = moved ? Vec3::Zero() : result.base.t;
     Mat3 turn = Mat3::Zero(), H = Mat3::Zero();
-    for (const auto& p : pairs) {
-      total += p.weight;
-      from += p.weight * p.from;
-      to += p.weight * p.to;
-      turn += p.weight * pose[p.line].R;
-    }
-    from *= 1 / total;
-    to *= 1 / total;
-    turn = (1 / total) * turn;
     if (moved) {
+      for (const auto& p : pairs) {
+        from += p.weight / total * p.from;
+        to += p.weight / total * p.to;
+        turn += p.weight / total * pose[p.line].R;
+      }
       for (const auto& p : pairs) H += p.weight * outer(p.to - to, p.from - from);
       const std::vector<double> spans = singular_values(RowMatrix(3, 3, H.data())).length;
       if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
       result.base.R = nearest_rotation(H);
       result.base.t = to - result.base.R * from;
-    } else {
-      from = Vec3::Zero();
-      to = result.base.t;
-      turn = Mat3::Zero();
     }
     std::vector<double> apart;
     for (const auto& p : pairs)

@@ -4,17 +4,35 @@
 namespace truepose {
 std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   std::uint64_t mark = 14695981039346656037ULL;
-  using Word = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
-  const auto words = [&]<class Part>(const Part& part) {
-    using Words = std::array<Word, sizeof part / sizeof(Word)>;
-    for (const Word word : std::bit_cast<Words>(part)) mark = (mark ^ word) * 1099511628211ULL;
+  const auto word = [&](std::uint64_t value) { mark = (mark ^ value) * 1099511628211ULL; };
+  using Bits = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
+  const auto number = [&](Real value) { word(std::bit_cast<Bits>(value)); };
+  const auto vectors = [&](auto... vector) { (std::for_each_n(vector->data(), 3, number), ...); };
+  const auto encoder = [&](const Eccentricity& of) {
+    number(of.gear);
+    for (const Real amplitude : of.amplitude) number(amplitude);
   };
-  words(std::array{int(robot.level), robot.r});
-  for (int i : range(robot.chains)) words(robot.chain[i]);
-  for (int k : range(robot.r)) words(robot.sensor[k]);
+  word(std::uint64_t(robot.level) << 32 | std::uint32_t(robot.r));
+  for (int i : range(robot.chains)) {
+    const Chain& chain = robot.chain[i];
+    vectors(&chain.base, &chain.axis, &chain.zero, &chain.pivot, &chain.anchor, &chain.pair_axis,
+            &chain.pair_drawn);
+    for (const Real value : {chain.arm, chain.rod, chain.encoder_offset, chain.encoder_gain,
+                             chain.encoder_buildup, chain.rod_spacing, chain.rod_difference})
+      number(value);
+    encoder(chain.eccentricity);
+  }
+  for (int k : range(robot.r)) {
+    const Sensor& sensor = robot.sensor[k];
+    word(std::uint64_t(sensor.kind) << 32 | std::uint32_t(sensor.chain));
+    vectors(&sensor.origin, &sensor.direction, &sensor.target, &sensor.normal);
+    number(sensor.gain);
+    number(sensor.offset);
+    encoder(sensor.eccentricity);
+  }
   for (int k : range(known.count)) {
-    words(std::array{known.column[k], 0});
-    if (known.root) words(known.root[k * known.count + k]);
+    word(std::uint32_t(known.column[k]));
+    if (known.root) number(known.root[k * known.count + k]);
   }
   return mark | 1;
 }

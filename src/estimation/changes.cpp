@@ -97,44 +97,37 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
   window.gross = gross;
   window.chi2 += chi2, window.freedom += r, ++window.used;
   update(made, F, window.filter, gain);
-  std::array<Real, kMaxReadings> w;
   Real* const every = window.scratch;
-  const auto respond = [&](int k) {  // w holds the step's own effect
-    Real* own = window.response + k * p;
-    for (int i : range(r))
-      for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
-    window.z[k] += made.transform(w).score;
-    for (int i : range(r)) {
-      const Real share = w[i] / made.total[i];
-      every[k * r + i] = w[i];
-      for (int j : range(p)) own[j] += gain[i * p + j] * share;
+  for (int change : range(changes.count + readings)) {
+    const auto [first, count] = steps_of(changes, change);
+    const int c = change - changes.count;  // reading of a fault
+    std::array<Real, kMaxReadings> w;
+    for (int k : range(first, first + count)) {
+      Real* own = window.response + k * p;
+      const Real bias =
+          c < 0 ? 0 : kFault / sigma[c] * (k > first ? Real(window.rows) / kWindow : 1);
+      for (int i : range(r)) {
+        const auto by = [&](int j) { return row.B[i * p + j] * changes.step[k * p + j]; };
+        if (c >= 0)
+          w[i] = bias * row.G[i * readings + c];
+        else
+          w[i] = k == changes.load && row.loaded ? row.loaded[i] : sum_of(p, by);
+        for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
+      }
+      window.z[k] += made.transform(w).score;
+      for (int i : range(r)) {
+        const Real share = w[i] / made.total[i];
+        every[k * r + i] = w[i];
+        for (int j : range(p)) own[j] += gain[i * p + j] * share;
+        for (int b : range(first, k + 1))
+          window.product[k * window.widest + b - first] += every[b * r + i] * share;
+      }
     }
-  };
-  for (int k : range(changes.steps)) {
-    for (int i : range(r)) {
-      const auto by = [&](int j) { return row.B[i * p + j] * changes.step[k * p + j]; };
-      w[i] = k == changes.load && row.loaded ? row.loaded[i] : sum_of(p, by);
-    }
-    respond(k);
-  }
-  for (int c : range(readings)) {
-    for (int fault : range(kFaults)) {
-      const Real bias = kFault / sigma[c] * (fault ? Real(window.rows) / kWindow : 1);
-      for (int i : range(r)) w[i] = bias * row.G[i * readings + c];
-      respond(changes.steps + kFaults * c + fault);
-    }
+    if (c < 0) continue;
     for (int i : range(r)) w[i] = row.G[i * readings + c];
     const Column error = made.transform(w);
     for (std::size_t f = 0; f < kFactor.size(); ++f)
       window.noisy[f][c] += error.log_odds(kFactor[f] * kFactor[f] - 1);
-  }
-  for (int change : range(changes.count + readings)) {
-    const auto [first, count] = steps_of(changes, change);
-    for (int a : range(first, first + count))
-      for (int b : range(first, a + 1))
-        for (int i : range(r))
-          window.product[a * window.widest + b - first] +=
-              every[a * r + i] * every[b * r + i] / made.total[i];
   }
 }
 
@@ -169,8 +162,8 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   // Relative to the likeliest.
   const Real none = exp(-top);
   Real parts = 0, faults = 0;
-  for (int k : range(changes.count)) parts += exp(of(k).log_odds - top);
-  for (int c : range(readings)) faults += exp(of(changes.count + c).log_odds - top);
+  for (int k : range(changes.count + readings))
+    (k < changes.count ? parts : faults) += exp(of(k).log_odds - top);
   const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;

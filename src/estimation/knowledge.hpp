@@ -16,20 +16,25 @@ struct Knowledge {
   Extended sigma{};            ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
 };
 
-/// Gathers the uncertain columns of row c of H_ξ, divided by its reading's σ. Entries of parameters
-/// without a column are left unchanged.
-inline void gather_row(const Robot& robot, const Knowledge& known, const Real* H_xi, int c,
-                       Real* row) {
-  const Real per_sigma = 1 / known.sigma[c];
-  H_xi += c * parameter_count(robot);
-  for (int k : range(known.count))
-    if (const int column = known.column[k]; column >= 0) row[k] = per_sigma * H_xi[column];
+/// Number of parameters before the first one without a column of H_ξ.
+inline int gathered(const Knowledge& known) {
+  return int(std::find(known.column, known.column + known.count, -1) - known.column);
 }
 
-/// The same of `rows` rows.
+/// Gathers the first `count` uncertain columns of row c of H_ξ, divided by its reading's σ.
+inline void gather_row(const Robot& robot, const Knowledge& known, int count, const Real* H_xi,
+                       int c, Real* row) {
+  const Real per_sigma = 1 / known.sigma[c];
+  H_xi += c * parameter_count(robot);
+  for (int k : range(count)) row[k] = per_sigma * H_xi[known.column[k]];
+}
+
+/// Gathers the columns of `rows` rows. Entries from the first parameter without one on are left
+/// unchanged.
 inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi, int rows,
                    Real* B) {
-  for (int c : range(rows)) gather_row(robot, known, H_xi, c, B + c * known.count);
+  const int count = gathered(known);
+  for (int c : range(rows)) gather_row(robot, known, count, H_xi, c, B + c * known.count);
 }
 
 /// B S in place, in blocks: entry j of a row depends on those from j on. Only the nonzero span of a

@@ -17,7 +17,7 @@ struct ReadingRow {
 /// Linearises the readings at a pose.
 /// @param q_e   m + r readings, NaN where missing; nullptr: as expected
 /// @param H_xi  work space, (m + r) × parameter_count numbers; nullptr: without B
-/// @param B     out: rows × known.count, by each parameter in its own unit, as of gather_row
+/// @param B     out: rows × known.count, by each parameter in its own unit, as of gather
 /// @param rest  as of linearise
 Outcome linearise_row(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
                       const Real* q_e, Real* H_xi, Real* B, ReadingRow& row, Parasitic& rest);
