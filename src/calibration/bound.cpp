@@ -6,46 +6,33 @@ Outcome rows_of_visits(Level level, const Robot& robot, const Knowledge& prior, 
                        const std::vector<Visit>& visits, const Links& links, VisitRows& all,
                        const std::function<void()>& poll) {
   if (!robot.finished) return {Status::unfinished};
-  const int n = dof(robot.mobility), p = prior.count;
   Knowledge raw = prior;
   raw.root = nullptr;
   Knowledge axes = raw;
   axes.count = nuisances;
-  axes.column += p - nuisances;
+  axes.column += prior.count - nuisances;
   RowMatrix D;
   std::vector<double> H_xi(2 * readings(robot) * parameter_count(robot));
-  int rows = int(links.link.size());
-  for (const Visit& visit : visits) rows += redundancy(robot) + (visit.outside.x ? n : 0);
-  all.B = RowMatrix(rows, p);
-  all.visit.clear();
   std::vector<Pose> poses;
-  std::vector<Line> lines;  // only where there are links
-  Line line;
+  std::vector<Line> lines;
   Parasitic rest;
-  int row = 0;
   for (const Visit& visit : visits) {
     Outcome outcome = acting(robot, axes, visit.pose, visit.influences, H_xi.data(), D);
     if (outcome)
-      outcome = linearise_line(level, robot, raw, visit.pose, nullptr, visit.outside,
-                               D.cols() > 0 ? &D : nullptr, H_xi.data(), line, rest);
+      outcome = linearise_line(level, robot, raw, visit.pose, nullptr, visit.outside, D,
+                               H_xi.data(), lines.emplace_back(), rest);
     if (!outcome) return outcome;
-    std::copy(line.B[n], line.B[line.rows], all.B[row]);
-    row += line.redundancy();
-    all.visit.insert(all.visit.end(), line.redundancy(), int(&visit - visits.data()));
-    if (!links.link.empty()) {
-      poses.push_back(visit.pose);
-      lines.push_back(line);
-    }
+    poses.push_back(visit.pose);
     poll();
   }
-  if (!links.link.empty())
-    for (LinkBlock& block : linked(robot.mobility, links, links.mean.data(), raw, poses, lines)) {
-      solve_lower(block.C, block.B);
-      std::ranges::copy(block.B, all.B[row]);
-      all.visit.insert(all.visit.end(), block.size(), links.link[block.link[0]].line[0]);
-      row += block.size();
-    }
-  all.B.keep(row);
+  const std::vector<LinkBlock> blocks =
+      linked(robot.mobility, links, links.mean.data(), raw, poses, lines);
+  all.B = RowMatrix(equation_count(lines, blocks), prior.count);
+  all.visit.clear();
+  each_equation(lines, blocks, [&](const double* B, double, int line, bool) {
+    std::copy_n(B, prior.count, all.B[int(all.visit.size())]);
+    all.visit.push_back(line);
+  });
   return {};
 }
 
@@ -58,10 +45,9 @@ Outcome fused(Level level, const Robot& robot, const Knowledge& known, const Pos
   Outcome outcome = linearise(level, robot, pose, q_e, H_x, H_xi, &rest);
   if (!outcome) return outcome;
   const int rows = readings(robot), m = acting.count, p = known.count;
-  gather(robot, known, H_xi, rows, B, m);
   for (int c : range(rows))
     for (int j : range(m)) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
-  outcome = reading_covariance(robot, known, B, C);
+  outcome = reading_covariance(robot, known, H_xi, B, C);
   if (outcome) outcome = fuse(robot, known, C, H_x, fusion);
   if (outcome) weighted_tej(robot, H_x, fusion, fusion.tej);
   return outcome;

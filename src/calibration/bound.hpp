@@ -23,7 +23,7 @@ struct VisitRows {
 
 /// Computes the rows of readings at these poses, unknown apart from external measurements.
 /// @param prior  of ξ, its auxiliary unknowns, then the amounts of influences and `nuisances` model
-///               errors of the ideal level (model_error.hpp); its root is not used
+///               errors of the ideal level; its root is not used
 /// @param links  differences measured between these poses; their unknowns follow ξ
 /// @param poll   called after every pose; may throw to abort
 /// @return the first outcome that is not ok; `chain` is then the faulty chain

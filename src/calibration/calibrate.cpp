@@ -7,43 +7,45 @@
 namespace truepose {
 namespace {
 /// The search for ξ, with what it has found so far.
-class Calibrator {
- public:
-  Calibrator(Level level, const Robot& drawn, const Knowledge& prior,
-             const std::vector<double>& mean, const ReadingLog& log,
-             const CalibrationSettings& settings)
-      : level_(level),
-        drawn_(drawn),
-        prior_(prior),
-        mean_(mean),
-        log_(log),
-        settings_(settings),
-        robot_(drawn),
-        p_(prior.count),
-        n_(dof(drawn.mobility)),
-        readings_(readings(drawn)),
-        S_(p_, p_, prior.root),
-        H_xi_(drawn.finished ? 2 * readings_ * parameter_count(drawn) : 0),
-        rest_(log.count),
-        out_{std::vector<char>(log.count), std::vector<char>(log.links.link.size())} {}
+struct Calibrator {
+  const Level level;
+  const Robot& drawn;
+  const Knowledge& prior;
+  const std::vector<double>& mean;
+  const ReadingLog& log;
+  const CalibrationSettings& settings;
+
+  const int p = prior.count, n = dof(drawn.mobility), readings = truepose::readings(drawn);
+  const RowMatrix S{p, p, prior.root};
+  Robot robot = drawn;
+  std::vector<double> H_xi{};
+  /// Start of each row's solution (full level).
+  std::vector<Parasitic> rest = std::vector<Parasitic>(log.count);
+  /// Of each row's influences and nuisances.
+  std::vector<RowMatrix> D = std::vector<RowMatrix>(log.count);
+  std::vector<double> amount{};  ///< of these
+  RowLoss loss{};
+  Outliers out = none();
+  int last_iteration = 0;
+  CalibrationResult result{};
 
   CalibrationResult run() {
-    result_.status.assign(log_.count, Status::unreachable);
-    result_.outcome = {drawn_.finished ? Status::unreachable : Status::unfinished, -1};
-    if (!drawn_.finished) return result_;
-    Iterate now{std::vector<double>(p_), std::vector<Pose>(log_.count), no_pull()};
+    result.status.assign(log.count, Status::unreachable);
+    result.outcome = {drawn.finished ? Status::unreachable : Status::unfinished};
+    if (!drawn.finished) return result;
+    H_xi.resize(2 * readings * parameter_count(drawn));
+    Iterate now{std::vector<double>(p), std::vector<Pose>(log.count)};
     believe(now.u);
     reach(now);
-    result_.start = result_.registration = initial_registration(now);
+    result.start = result.registration = initial_registration(now);
     include(now);
-    if (counted() == 0) return result_;
+    if (counted() == 0) return result;
     search(now);
-    for (int round = 0; round < kRounds && result_.outcome && more(now); ++round) search(now);
+    for (int round = 0; round < kRounds && result.outcome && more(now); ++round) search(now);
     finish(now);
-    return result_;
+    return result;
   }
 
- private:
   using Iterate = CalibrationIterate;
 
   /// Maximum number of retries of rows that the last geometry excluded.
@@ -51,74 +53,77 @@ class Calibrator {
   /// Most steps by squares of all rows, and at each scale of Student's loss; most scales; most
   /// decisions about outliers.
   static constexpr int kFirst = 30, kRough = 20, kScales = 20, kDecisions = 10;
+  /// Largest scale of noise, over that stated, that least squares of all rows may have: beyond it
+  /// gross errors may be many.
+  static constexpr double kNoisy = 2;
 
-  std::vector<Coordinates> no_pull() const { return std::vector<Coordinates>(log_.count); }
+  Outliers none() const {
+    return {std::vector<char>(log.count), std::vector<char>(log.links.link.size())};
+  }
 
   long counted() const {
-    return std::count(result_.status.begin(), result_.status.end(), Status::ok);
+    return std::count(result.status.begin(), result.status.end(), Status::ok);
   }
 
   /// Descends from here, over the rows whose status is ok.
   void search(Iterate& now) {
-    const Iterate start{now.u, now.pose, no_pull()};
-    const std::vector<Status> status = result_.status;
-    const Outliers none =
-        out_ = {std::vector<char>(log_.count), std::vector<char>(log_.links.link.size())};
-    now.weigh(loss_, out_);
-    const bool squares = settings_.loss == Loss::squares;
-    converge(now, squares ? settings_.iterations : kFirst);
+    const Iterate start{now.u, now.pose};
+    const std::vector<Status> status = result.status;
+    out = none();
+    now.weigh(loss, out);
+    const bool squares = settings.loss == Loss::squares;
+    converge(now, squares ? settings.iterations : kFirst);
     if (squares) return;
-    if (result_.outcome && now.outliers(log_.links, scale(now, kNoisy)) == none) return;
+    if (result.outcome && now.outliers(log.links, scale(now, kNoisy)) == none()) return;
     const auto restart = [&] {
       now = start;
-      rest_.assign(log_.count, {});
-      result_.status = status;
+      rest.assign(log.count, {});
+      result.status = status;
       include(now);
     };
     restart();
-    out_ = rough(now);
+    out = rough(now);
     restart();  // converges as the log without its outliers does
-    for (int k = 0; k < kDecisions; ++k) {
-      converge(now, settings_.iterations);
-      if (!result_.outcome) return;
-      const Outliers next = now.outliers(log_.links, scale(now));
-      if (next == out_ || k == kDecisions - 1) return;
-      out_ = next;
+    for (int k : range(kDecisions)) {
+      converge(now, settings.iterations);
+      if (!result.outcome) return;
+      const Outliers next = now.outliers(log.links, scale(now));
+      if (next == out || k == kDecisions - 1) return;
+      out = next;
       include(now);
     }
   }
 
   /// Scale of the noise: at least that stated.
   static double scale(const Iterate& at, double most = INFINITY) {
-    return std::clamp(at.spread(), 1.0, most);
+    return clamp(at.spread(), 1.0, most);
   }
 
   /// Descends by Student's loss at a scale that decreases to that of the median. @return outliers
   Outliers rough(Iterate& now) {
     for (int k = 0; k < kScales; ++k) {
-      loss_.unit = scale(now);
-      last_iteration_ = result_.iterations + std::min(kRough, settings_.iterations);
-      now.weigh(loss_, out_);
-      if (descend(now).status == Status::not_finite || scale(now) > 0.7 * loss_.unit) break;
+      loss.unit = scale(now);
+      last_iteration = result.iterations + min(kRough, settings.iterations);
+      now.weigh(loss, out);
+      if (descend(now).status == Status::not_finite || scale(now) > 0.7 * loss.unit) break;
     }
-    Outliers result = out_;
-    for (int k = 0; k < log_.count; ++k)
-      result.line[k] = now.line[k].redundancy() > 0 && now.line[k].weight(loss_) < kOutlier;
+    Outliers found = out;
+    for (int k : range(log.count))
+      found.line[k] = now.line[k].redundancy() > 0 && now.line[k].weight(loss) < kOutlier;
     for (const LinkBlock& block : now.block)
-      for (int k = 0; k < block.size(); ++k)
-        result.link[block.link[k]] = block.weight[k] < kOutlier;
-    loss_ = {};
-    return result;
+      for (int k : range(block.size())) found.link[block.link[k]] = block.weight[k] < kOutlier;
+    loss = {};
+    return found;
   }
 
-  /// Descends by squares, in at most so many steps.
+  /// Descends by squares, in at most so many steps; with nuisances once more with D at the new
+  /// poses.
   void converge(Iterate& now, int most) {
-    last_iteration_ = result_.iterations + std::min(most, settings_.iterations);
-    result_.outcome = descend(now);
-    if (settings_.nuisances > 0 && result_.outcome) {  // once more with D at the new poses
-      include(now);
-      last_iteration_ = result_.iterations + std::min(most, settings_.iterations);
-      result_.outcome = descend(now);
+    for (int pass : range(settings.nuisances > 0 ? 2 : 1)) {
+      if (pass > 0) include(now);
+      last_iteration = result.iterations + min(most, settings.iterations);
+      result.outcome = descend(now);
+      if (!result.outcome) return;
     }
   }
 
@@ -127,7 +132,7 @@ class Calibrator {
     const long before = counted();
     believe(at.u);
     // A geometry far off may have home on the other side of a singular pose.
-    static_cast<void>(note_assembly(robot_));
+    static_cast<void>(note_assembly(robot));
     if (!reach(at)) return false;
     include(at);
     return counted() > before;
@@ -136,76 +141,68 @@ class Calibrator {
   /// Evaluates the rows with a pose; excludes those that cannot be evaluated.
   void include(Iterate& at) {
     freeze(at);
-    for (int bad; (bad = evaluate(at)) >= 0;) result_.status[bad] = Status::singular;
+    for (int bad; (bad = evaluate(at)) >= 0;) result.status[bad] = Status::singular;
   }
 
   /// D of every row: of influences as given, of nuisances at the current pose. Fixed in the search:
   /// its change with pose and ξ, times η, is of second order in the ideal level's model error.
   void freeze(const Iterate& at) {
-    if (!acted()) return;
-    Knowledge axes = prior_;
-    axes.count = settings_.nuisances;
-    axes.column += p_ - axes.count;
+    Knowledge axes = prior;
+    const int given = settings.influences;
+    axes.count = settings.nuisances;
+    axes.column += p - axes.count;
     believe(at.u);
-    D_.resize(log_.count);
-    for (int k = 0; k < log_.count; ++k)
-      if (result_.status[k] == Status::ok)
-        result_.status[k] =
-            acting(robot_, axes, at.pose[k], influences_of(k), H_xi_.data(), D_[k]).status;
+    for (int k : range(log.count))
+      if (result.status[k] == Status::ok)
+        result.status[k] = acting(robot, axes, at.pose[k],
+                                  {given, log.influence + k * readings * given}, H_xi.data(), D[k])
+                               .status;
   }
 
-  bool acted() const { return settings_.influences + settings_.nuisances > 0; }
-
-  Influences influences_of(int line) const {
-    const int given = settings_.influences;
-    return {given, log_.influence + line * readings_ * given};
-  }
-
-  /// Sets robot, registration, links' unknowns and influences' amounts to those of u.
+  /// Sets robot, registration, links' unknowns and the amounts of influences and nuisances to those
+  /// of u.
   void believe(const std::vector<double>& u) {
-    const int parameters = p_ - settings_.nuisances, given = settings_.influences;
-    const std::vector<double> change = S_ * u;
-    result_.xi = mean_;
-    for (int k = 0; k < parameters; ++k)
-      if (prior_.column[k] >= 0) result_.xi[prior_.column[k]] += change[k];
-    static_cast<void>(set_parameters(drawn_, result_.xi.data(), robot_));  // `finished`: see run()
-    result_.w = log_.links.mean;
-    for (std::size_t k = 0; k < result_.w.size(); ++k) result_.w[k] += change[log_.links.first + k];
-    if (const int first = settings_.registration; first >= 0)
-      result_.registration = moved(result_.start, change.data() + first);
-    const auto amounts = change.begin() + parameters;  // less their prior means
-    result_.amount.assign(amounts - given, amounts);
+    const std::vector<double> change = S * u;  // from the prior means
+    amount.assign(change.end() - settings.influences - settings.nuisances, change.end());
+    result.xi = mean;
+    for (int k : range(p - settings.nuisances))
+      if (prior.column[k] >= 0) result.xi[prior.column[k]] += change[k];
+    static_cast<void>(set_parameters(drawn, result.xi.data(), robot));  // `finished`: see run()
+    result.w = log.links.mean;
+    for (std::size_t k = 0; k < result.w.size(); ++k) result.w[k] += change[log.links.first + k];
+    if (const int first = settings.registration; first >= 0)
+      result.registration = moved(result.start, change.data() + first);
   }
 
   /// Initial registration, by the first poses.
   Registration initial_registration(const Iterate& at) const {
-    const int first = settings_.registration;
-    if (first < 0 || !log_.measured) return log_.registration;
+    const int first = settings.registration;
+    if (first < 0 || !log.measured) return log.registration;
     // An unknown marker position includes x, an unknown turn the one about the platform's z.
     const int place = first + 6, turn = first + kRegistration - 1;
-    return registered(robot_.mobility, log_.registration, S_(first, first) > 0,
-                      S_(place, place) > 0, S_(turn, turn) > 0, log_.count - log_.referenced,
-                      at.pose.data(), result_.status.data(), log_.measured);
+    return registered(robot.mobility, log.registration, S(first, first) > 0, S(place, place) > 0,
+                      S(turn, turn) > 0, log.count - log.referenced, at.pose.data(),
+                      result.status.data(), log.measured);
   }
 
   /// Finds poses of rows without one, from the motors. @return whether there is a new one
   bool reach(Iterate& at) {
-    const Pose home = to_pose(robot_.mobility, robot_.home);
+    const Pose home = to_pose(robot.mobility, robot.home);
     Pose guess = home;
     bool more = false;
-    for (int k = 0; k < log_.count; ++k) {
-      Status& status = result_.status[k];
+    for (int k : range(log.count)) {
+      Status& status = result.status[k];
       if (status != Status::ok) {
         Joint q{};
-        std::copy_n(log_.q_e + k * readings_, drawn_.motors, q.begin());
+        std::copy_n(log.q_e + k * readings, drawn.motors, q.begin());
         for (const Pose& from : {home, guess}) {
           at.pose[k] = from;
-          rest_[k] = {};
-          status = motors_pose(level_, robot_, q, at.pose[k], rest_[k]);
+          rest[k] = {};
+          status = motors_pose(level, robot, q, at.pose[k], rest[k]);
           if (status == Status::ok) break;
         }
         more = more || status == Status::ok;
-        if (settings_.poll) settings_.poll();
+        if (settings.poll) settings.poll();
       }
       guess = status == Status::ok ? at.pose[k] : home;
     }
@@ -217,46 +214,37 @@ class Calibrator {
   /// @return the first row that cannot be evaluated, or -1
   int evaluate(Iterate& at, const Iterate* last = nullptr) {
     believe(at.u);
-    at.line.resize(log_.count);
-    for (int k = 0; k < log_.count; ++k) {
+    at.line.resize(log.count);
+    for (int k : range(log.count)) {
       at.line[k].rows = 0;
-      if (result_.status[k] == Status::ok && !settle(at, k, last)) return k;
-      if (settings_.poll) settings_.poll();
+      if (result.status[k] == Status::ok && !settle(at, k, last)) return k;
+      if (settings.poll) settings.poll();
     }
-    at.block = linked(robot_.mobility, log_.links, result_.w.data(), prior_, at.pose, at.line);
-    at.weigh(loss_, out_);
+    at.block = linked(robot.mobility, log.links, result.w.data(), prior, at.pose, at.line);
+    at.weigh(loss, out);
     return -1;
   }
 
   bool linearise_row(Iterate& at, int k) {
-    Line& line = at.line[k];
-    if (!linearise_row(at, k, prior_, acted() ? &D_[k] : nullptr, line)) return false;
-    const int m = settings_.nuisances;
-    for (int i = 0; i < line.rows; ++i)
-      line.e[i] -= dot(m, line.B[i] + p_ - m, at.u.data() + p_ - m);
-    line.pull = at.pull[k];
-    return true;
+    return linearise_row(at.pose[k], k, prior, D[k], at.line[k]);
   }
 
-  /// @param known, D  as of linearise_line: with more columns than the prior's, or its own
-  bool linearise_row(const Iterate& at, int k, const Knowledge& known, const RowMatrix* D,
+  /// @param known, by  as of linearise_line: with more columns than the prior's and D's, or these
+  bool linearise_row(const Pose& pose, int k, const Knowledge& known, const RowMatrix& by,
                      Line& line) {
-    const bool referenced = k >= log_.count - log_.referenced;
+    const bool referenced = k >= log.count - log.referenced;
     Outside outside;
-    if (log_.measured)
-      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_,
-                 referenced ? &kAligned : &result_.registration,
-                 referenced ? -1 : settings_.registration};
-    line.certain = referenced, line.outlier = out_.line[k];
-    const Influences given = influences_of(k);
+    if (log.measured)
+      outside = {log.measured + k * n, log.measured_sigma + k * n,
+                 referenced ? &kAligned : &result.registration,
+                 referenced ? -1 : settings.registration};
+    line.certain = referenced;
     Extended q_e{};
-    std::copy_n(log_.q_e + k * readings_, readings_, q_e.begin());
-    for (int c = 0; c < readings_; ++c)
-      for (int j = 0; j < given.count; ++j)
-        q_e[c] -= given.pattern[c * given.count + j] * result_.amount[j];
-    return linearise_line(level_, robot_, known, at.pose[k], q_e.data(), outside, D, H_xi_.data(),
-                          line, rest_[k])
-               .status == Status::ok;
+    for (int c : range(readings))
+      q_e[c] = log.q_e[k * readings + c] -
+               known.sigma[c] * dot(int(amount.size()), by[c], amount.data());
+    return bool(linearise_line(level, robot, known, pose, q_e.data(), outside, by, H_xi.data(),
+                               line, rest[k]));
   }
 
   /// Moves row k to a pose of lower misfit, or to any if it has `none`. @return whether it moved
@@ -280,11 +268,11 @@ class Calibrator {
     for (int step = 0; good && step < 5 && line.away() > 1; ++step) {
       const Pose pose = at.pose[k];
       Coordinates change{};
-      for (int i = 0; i < n_; ++i) change[i] = line.e[i] + line.pull[i];
-      back_substitute(n_, line.R, change);
+      for (int i : range(n)) change[i] = line.e[i] + line.pull[i];
+      back_substitute(n, line.R, change);
       bool moves = false;
       for (double length = 1; !moves && length > 0.01; length *= 0.25) {
-        moves = lower(at, k, moved(robot_.mobility, pose, change));
+        moves = lower(at, k, moved(robot.mobility, pose, change));
         for (double& part : change) part *= 0.25;
       }
       if (!moves) break;
@@ -293,29 +281,28 @@ class Calibrator {
   }
 
   Outcome descend(Iterate& now) {
-    double damping = 0, current = now.cost(loss_);
+    double damping = 0, current = now.cost(loss);
     double promised = INFINITY;  // gain of the last undamped step
     int last = 0;
-    const int freedoms = 1 + now.equations();
-    while (result_.iterations < last_iteration_) {
-      ++result_.iterations;
-      auto [information, right] = now.step(loss_);
-      const double scatter = std::max(1.0, current / freedoms);  // 1 for a correct model
-      for (int k = 0; k < p_; ++k) information(k, k) *= 1 + damping;
+    const int freedoms = 1 + equation_count(now.line, now.block);
+    while (result.iterations < last_iteration) {
+      ++result.iterations;
+      auto [information, right] = now.step(loss);
+      const double scatter = max(1.0, current / freedoms);  // 1 for a correct model
+      for (int k : range(p)) information(k, k) *= 1 + damping;
       const std::vector<double> step = solve_cholesky(cholesky(information), right);
-      if (!all_finite(step, p_)) return {Status::not_finite, -1};
-      Iterate trial{now.u, now.pose, no_pull()};
-      for (int k = 0; k < p_; ++k) trial.u[k] += step[k];
-      for (const LinkBlock& block : now.block) pull(block, step, trial.pull);
+      if (!all_finite(step, p)) return {Status::not_finite};
+      Iterate trial{now.u, now.pose, std::vector<Line>(log.count)};
+      for (int k : range(p)) trial.u[k] += step[k];
+      for (const LinkBlock& block : now.block) pull(block, step, trial.line);
       double moved_by = 0;
-      for (int k = 0; k < log_.count; ++k)
-        moved_by =
-            std::max(moved_by, std::sqrt(now.line[k].weight(loss_)) * follow(now, k, step, trial));
+      for (int k : range(log.count))
+        moved_by = max(moved_by, sqrt(now.line[k].weight(loss)) * follow(now, k, step, trial));
       const double gain =
-          dot(p_, step.data(), right.data());  // predicted decrease of the cost, at least
+          dot(p, step.data(), right.data());  // predicted decrease of the cost, at least
       if (damping == 0) promised = gain;
       const bool valid = evaluate(trial, &now) < 0;
-      const double next = valid ? trial.cost(loss_) : INFINITY;
+      const double next = valid ? trial.cost(loss) : INFINITY;
       // Steps below 0.01 σ no longer show in the cost, which has rounding errors and poses that lag
       // by one step. Each is at most a hundredth of the previous one: a few of them end the search.
       const bool small = valid && damping < 1 && gain < 1e-4 * scatter && moved_by < 0.1 * scatter;
@@ -326,129 +313,94 @@ class Calibrator {
         last += small;
         if (gain < 1e-14 || last == 3) return {};
       } else if (damping > 1e10) {  // no step lowers the cost: at rounding, or singular
-        return {promised < 1e-2 * scatter ? Status::ok : Status::singular, -1};
+        return {promised < 1e-2 * scatter ? Status::ok : Status::singular};
       } else {
-        damping = std::max(10 * damping, 1e-4);
+        damping = max(10 * damping, 1e-4);
       }
     }
-    return {Status::not_converged, -1};
+    return {Status::not_converged};
   }
 
   /// Moves pose k with the step of ξ: R δx = e - B δu + ν̂. @return largest move in units of its σ
   double follow(const Iterate& now, int k, const std::vector<double>& step, Iterate& trial) const {
     const Line& line = now.line[k];
-    if (line.rows < n_) return 0;
+    if (line.rows < n) return 0;
     Coordinates change{};
     double size = 0;
-    for (int i = 0; i < n_; ++i) {
-      change[i] = line.e[i] - dot(p_, line.B[i], step.data()) + trial.pull[k][i];
-      size = std::max(size, std::fabs(change[i]));
+    for (int i : range(n)) {
+      change[i] = line.e[i] - dot(p, line.B[i], step.data()) + trial.line[k].pull[i];
+      size = max(size, fabs(change[i]));
     }
-    back_substitute(n_, line.R, change);
-    trial.pose[k] = moved(robot_.mobility, now.pose[k], change);
+    back_substitute(n, line.R, change);
+    trial.pose[k] = moved(robot.mobility, now.pose[k], change);
     return size;
   }
 
   /// The equations of the last step, with a column for an error of each reading.
   void tabulate(const Iterate& at) {
-    LogRows& all = result_.rows;
-    Knowledge wide = prior_;  // its root multiplies the parameters' columns at the end
-    std::vector<std::int32_t> column(prior_.column, prior_.column + p_);
-    column.resize(p_ + readings_, -1);
-    wide.count = p_ + readings_;
-    wide.column = column.data();
-    wide.root = nullptr;
-    const int acting = settings_.influences + settings_.nuisances;
-    std::vector<Line> lines(log_.count);
-    RowMatrix raw(at.equations(), wide.count);
-    const auto enter = [&](const double* from, double y, int line) {
-      std::copy_n(from, wide.count, raw[static_cast<int>(all.y.size())]);
+    const int width = p + readings;
+    std::vector<std::int32_t> column(prior.column, prior.column + p);
+    column.resize(width, -1);
+    RowMatrix root = RowMatrix::identity(width);
+    for (int i : range(p)) std::copy_n(S[i], p, root[i]);
+    const Knowledge wide{width, column.data(), root.data(), prior.sigma};
+    std::vector<Line> lines(log.count);
+    for (int k : range(log.count)) {
+      if (at.line[k].rows < n) continue;
+      RowMatrix by(readings, D[k].cols() + readings);
+      for (int c : range(readings)) {
+        std::copy_n(D[k][c], D[k].cols(), by[c]);
+        by(c, D[k].cols() + c) = 1;
+      }
+      if (linearise_row(at.pose[k], k, wide, by, lines[k])) lines[k].e = at.line[k].e;
+    }
+    const std::vector<LinkBlock> blocks =
+        linked(robot.mobility, log.links, result.w.data(), wide, at.pose, lines);
+    LogRows& all = result.rows;
+    const int rows = equation_count(lines, blocks);
+    all.B = RowMatrix(rows, p), all.D = RowMatrix(rows, readings);
+    each_equation(lines, blocks, [&](const double* from, double y, int line, bool linked) {
+      const int row = int(all.y.size());
+      std::copy_n(from, p, all.B[row]);
+      std::copy_n(from + p, readings, all.D[row]);
       all.y.push_back(y);
-      all.line.push_back(line);
-    };
-    for (int k = 0; k < log_.count; ++k) {
-      if (at.line[k].rows < n_) continue;
-      RowMatrix D(readings_, acting + readings_);
-      for (int c = 0; c < readings_; ++c) {
-        if (acting > 0) std::copy_n(D_[k][c], acting, D[c]);
-        D(c, acting + c) = 1;
-      }
-      Line& line = lines[k];
-      if (!linearise_row(at, k, wide, &D, line)) continue;
-      line.e = at.line[k].e;
-      for (int i = n_; i < line.rows; ++i) enter(line.B[i], line.e[i], k);
-    }
-    if (!log_.links.link.empty())
-      for (LinkBlock& block :
-           linked(robot_.mobility, log_.links, result_.w.data(), wide, at.pose, lines)) {
-        RowMatrix y(block.size(), 1, block.y.data());
-        solve_lower(block.C, block.B);
-        solve_lower(block.C, y);
-        for (int k = 0; k < block.size(); ++k) enter(block.B[k], y(k, 0), -1);
-      }
-    const int rows = static_cast<int>(all.y.size());
-    RowMatrix own(rows, p_);
-    all.D = RowMatrix(rows, readings_);
-    for (int i = 0; i < rows; ++i) {
-      std::copy_n(raw[i], p_, own[i]);
-      std::copy_n(raw[i] + p_, readings_, all.D[i]);
-    }
-    all.B = own * S_;
+      all.line.push_back(linked ? -1 : line);
+    });
     const std::vector<double> moved = all.B * at.u;
-    for (int i = 0; i < rows; ++i) all.y[i] += moved[i];
+    for (int i : range(rows)) all.y[i] += moved[i];
   }
 
   void finish(Iterate& at) {
     believe(at.u);
-    if (settings_.rows) tabulate(at);
-    result_.cost = at.cost(loss_);
-    result_.u = at.u;
-    result_.pose = at.pose;
-    result_.link.resize(log_.links.link.size());
+    if (settings.rows) tabulate(at);
+    result.cost = at.cost(loss);
+    result.u = at.u;
+    result.amount.assign(amount.begin(), amount.end() - settings.nuisances);
+    result.pose = at.pose;
+    result.link.resize(log.links.link.size());
     for (const LinkBlock& block : at.block)
-      for (int k = 0; k < block.size(); ++k) result_.link[block.link[k]].weight = block.weight[k];
-    const RowMatrix root = cholesky(at.step(loss_).information);
-    const int parameters = p_ - settings_.nuisances;
-    RowMatrix half(p_, parameters);
-    for (int i = 0; i < p_; ++i)
-      for (int k = 0; k < parameters; ++k) half(i, k) = S_(k, i);
+      for (int k : range(block.size())) result.link[block.link[k]].weight = block.weight[k];
+    const RowMatrix root = cholesky(at.step(loss).information);
+    const int parameters = p - settings.nuisances;
+    RowMatrix half(p, parameters);
+    for (int i : range(p))
+      for (int k : range(parameters)) half(i, k) = S(k, i);
     solve_lower(root, half);
-    result_.covariance = plus_gram(RowMatrix(parameters, parameters), half);
-    for (const LinkBlock& block : at.block) cross_validate(log_.links, block, root, result_.link);
+    result.covariance = plus_gram(RowMatrix(parameters, parameters), half);
+    for (const LinkBlock& block : at.block) cross_validate(log.links, block, root, result.link);
     for (const Line& line : at.line) {
-      const bool good = line.rows >= n_;
-      result_.redundancy.push_back(line.redundancy());
-      result_.chi2.push_back(good ? line.chi2() : NAN);
-      result_.weight.push_back(line.redundancy() > 0 ? line.weight(loss_) : good);
+      const bool good = line.rows >= n;
+      result.redundancy.push_back(line.redundancy());
+      result.chi2.push_back(good ? line.chi2() : NAN);
+      result.weight.push_back(line.redundancy() > 0 ? line.weight(loss) : good);
     }
   }
-
-  /// Largest scale of noise, over that stated, that least squares of all rows may have: beyond it
-  /// gross errors may be many.
-  static constexpr double kNoisy = 2;
-
-  const Level level_;
-  const Robot& drawn_;
-  const Knowledge& prior_;
-  const std::vector<double>& mean_;
-  const ReadingLog& log_;
-  const CalibrationSettings& settings_;
-  Robot robot_;
-  const int p_, n_, readings_;
-  const RowMatrix S_;
-  std::vector<double> H_xi_;
-  std::vector<Parasitic> rest_;  ///< start of each row's solution (full level)
-  std::vector<RowMatrix> D_;     ///< of each row's influences and nuisances
-  RowLoss loss_;
-  Outliers out_;
-  int last_iteration_ = 0;
-  CalibrationResult result_;
 };
 }  // namespace
 
 CalibrationResult calibrate(Level level, const Robot& drawn, const Knowledge& prior,
                             const std::vector<double>& mean, const ReadingLog& log,
                             const CalibrationSettings& settings) {
-  return Calibrator(level, drawn, prior, mean, log, settings).run();
+  return Calibrator{level, drawn, prior, mean, log, settings}.run();
 }
 }  // namespace truepose

@@ -7,22 +7,6 @@
 #include "estimation/estimate.hpp"
 
 namespace truepose {
-RowMatrix::RowMatrix(int rows, int columns, const double* from)
-    : vector(std::size_t(rows) * columns), rows_(rows), columns_(columns) {
-  if (from) std::copy_n(from, size(), begin());
-}
-
-RowMatrix RowMatrix::identity(int size) {
-  RowMatrix I(size, size);
-  for (int i : range(size)) I(i, i) = 1;
-  return I;
-}
-
-void RowMatrix::keep(int rows) {
-  rows_ = rows;
-  resize(std::size_t(rows) * columns_);
-}
-
 RowMatrix transposed(const RowMatrix& A) {
   RowMatrix T(A.cols(), A.rows());
   for (int i : range(A.rows()))

@@ -13,8 +13,15 @@ class RowMatrix : std::vector<double> {
 
   RowMatrix() = default;
   /// Zeros, or a copy of rows × columns numbers.
-  RowMatrix(int rows, int columns, const double* from = nullptr);
-  static RowMatrix identity(int size);
+  RowMatrix(int rows, int columns, const double* from = nullptr)
+      : vector(std::size_t(rows) * columns), rows_(rows), columns_(columns) {
+    if (from) std::copy_n(from, size(), begin());
+  }
+  static RowMatrix identity(int size) {
+    RowMatrix I(size, size);
+    for (int i : range(size)) I(i, i) = 1;
+    return I;
+  }
 
   int rows() const { return rows_; }
   int cols() const { return columns_; }
@@ -23,9 +30,6 @@ class RowMatrix : std::vector<double> {
   /// Row i.
   const double* operator[](int i) const { return data() + long(i) * columns_; }
   double* operator[](int i) { return data() + long(i) * columns_; }
-
-  /// Leaves the first rows, or adds rows of zeros.
-  void keep(int rows);
 
  private:
   int rows_ = 0, columns_ = 0;

@@ -39,29 +39,20 @@ double whiten(const LogRows& rows, const Ordinary& by, RowMatrix& Z) {
   return half;
 }
 
-/// Scalar products of whitened columns, those of a hypothesis with each other and with y alone.
+/// Scalar products of whitened columns.
 struct Products {
-  RowMatrix BB, BZ;  ///< of B with itself and with [C | y]
-  RowMatrix CC;      ///< row k: of column k with those of its hypothesis
-  std::vector<double> Cy;
-  double yy = 0;
+  RowMatrix yB;  ///< of [y | B] with [C | y | B]
+  RowMatrix CC;  ///< row k: of column k of C with those of its hypothesis
 };
 
 Products products(const RowMatrix& Z, const std::vector<int>& end, int columns) {
-  const int p = Z.cols() - columns - 1;
   int most = 0;
   for (std::size_t h = 0; h < end.size(); ++h) most = max(most, end[h] - (h ? end[h - 1] : 0));
-  Products of{RowMatrix(p, p), RowMatrix(p, columns + 1), RowMatrix(columns, most),
-              std::vector<double>(columns)};
+  Products of{RowMatrix(Z.cols() - columns, Z.cols()), RowMatrix(columns, most)};
   for (int row : range(Z.rows())) {
-    const double *z = Z[row], *b = z + columns + 1, y = z[columns];
-    for (int i : range(p)) {
-      if (b[i] == 0) continue;
-      add_scaled(p, b[i], b, of.BB[i]);
-      add_scaled(columns + 1, b[i], z, of.BZ[i]);
-    }
-    add_scaled(columns, y, z, of.Cy.data());
-    of.yy += y * y;
+    const double* z = Z[row];
+    for (int i : range(of.yB.rows()))
+      if (z[columns + i] != 0) add_scaled(Z.cols(), z[columns + i], z, of.yB[i]);
     int first = 0;
     for (const int last : end) {
       for (int k : range(first, last)) add_scaled(last - first, z[k], z + first, of.CC[k]);
@@ -93,17 +84,19 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
     }
     // (s² I + t² B Bᵀ)⁻¹ = s⁻² (I - (t/s)² B M⁻¹ Bᵀ), M = I + (t/s)² BᵀB = L Lᵀ (Woodbury).
     const double s2 = by.noise * by.noise, ratio = by.tolerances / by.noise;
-    RowMatrix M = RowMatrix::identity(p), V = of.BZ;
-    for (int i : range(p)) add_scaled(p, ratio * ratio, of.BB[i], M[i]);
+    RowMatrix M = RowMatrix::identity(p), V(p, K + 1);
+    for (int i : range(p)) {
+      add_scaled(p, ratio * ratio, of.yB[1 + i] + K + 1, M[i]);
+      add_scaled(K + 1, ratio, of.yB[1 + i], V[i]);
+    }
     const RowMatrix L = cholesky(M);
     solve_lower(L, V);
-    for (double& entry : V) entry *= ratio;
     const auto taken = [&](int i, int j) {  // by B, of the product of columns i and j
       return sum_of(p, [&](int k) { return V(k, i) * V(k, j); });
     };
     double likelihood = -half - m * (log(by.noise) + 0.5 * log(2 * kPi));
     for (int i : range(p)) likelihood -= log(L(i, i));
-    likelihood -= 0.5 * (of.yy - taken(K, K)) / s2;
+    likelihood -= 0.5 * (of.yB(0, K) - taken(K, K)) / s2;
     result(a, 0) = likelihood;
     int first = 0;
     for (std::size_t h = 0; h < columns.end.size(); ++h) {
@@ -111,7 +104,7 @@ RowMatrix weigh(const LogRows& rows, const Columns& columns,
       RowMatrix A(count, count);
       std::vector<double> b(count);
       for (int i : range(count)) {
-        b[i] = (of.Cy[first + i] - taken(first + i, K)) / s2;
+        b[i] = (of.yB(0, first + i) - taken(first + i, K)) / s2;
         for (int j : range(count))
           A(i, j) = (of.CC(first + i, j) - taken(first + i, first + j)) / s2;
       }

@@ -1,7 +1,7 @@
 // One row of readings as linear equations in ξ, with its pose eliminated.
 #include "calibration/line.hpp"
 
-#include "calibration/model_error.hpp"
+#include "estimation/linearise.hpp"
 
 namespace truepose {
 double Line::chi2() const {
@@ -43,48 +43,44 @@ double Line::left_out(const RowMatrix& root) const {
 
 Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,
                double* H_xi, RowMatrix& D) {
-  const int readings = truepose::readings(robot), count = given.count + axes.count;
-  RowMatrix left;
-  Outcome outcome;
-  if (axes.count > 0) outcome = left_out(robot, axes, pose, H_xi, left);
-  D = RowMatrix(readings, count);
-  for (int c = 0; c < readings && outcome; ++c) {
+  const int readings = truepose::readings(robot), size = readings * parameter_count(robot);
+  D = RowMatrix(readings, given.count + axes.count);
+  for (int c : range(readings))
     for (int j : range(given.count)) D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
-    std::copy_n(left[c], axes.count, D[c] + given.count);
-  }
-  return outcome;
+  if (axes.count == 0) return {};
+  Extended q_e;
+  PoseRows H_x;
+  Outcome outcome = linearise(Level::full, robot, pose, q_e, H_x, H_xi);
+  if (outcome) outcome = linearise(Level::ideal, robot, pose, q_e, H_x, H_xi + size);
+  if (!outcome) return outcome;
+  for (int k : range(size)) H_xi[k] -= H_xi[size + k];
+  for (int c : range(readings)) gather_row(robot, axes, axes.count, H_xi, c, D[c] + given.count);
+  return {};
 }
 
 Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                       const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
+                       const double* q_e, Outside outside, const RowMatrix& D, double* H_xi,
                        Line& line, Parasitic& rest) {
   const int n = dof(robot.mobility), readings = truepose::readings(robot), p = known.count;
-  // After ξ: auxiliary unknowns, on which these readings do not depend, and nuisances.
-  const int last = D ? D->cols() : 0;
-  const int others = int(std::count(known.column, known.column + p - last, -1)) + last;
   line.B = RowMatrix(readings + (outside.x ? n : 0), p);
   const Outcome outcome =
-      linearise_row(level, robot, known, pose, q_e, others, H_xi, line.B.data(), line, rest);
+      linearise_row(level, robot, known, pose, q_e, H_xi, line.B.data(), line, rest);
   if (!outcome) return outcome;
-  for (int i = 0; i < line.rows && D; ++i)
-    std::copy_n((*D)[line.reading[i]], last, line.B[i] + p - last);
-  times_root(known, line.rows, line.B.data());
+  for (int i : range(line.rows))
+    std::copy_n(D[line.reading[i]], D.cols(), line.B[i] + p - D.cols());
   if (outside.x) {  // depends on the pose only
     Seen by = seen(robot.mobility, *outside.registration, pose);
     Coordinates apart = innovation(robot.mobility, by, outside.x);
     in_turns(robot.mobility, *outside.registration, pose, by, apart);
     for (int i : range(n)) {
       if (!isfinite(apart[i])) continue;
-      double* row = line.B[line.rows];
-      for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
-        const int at = outside.first + j;
-        const double unit = known.root ? known.root[at * (p + 1)] : 1;
-        row[at] = by.H[i][j] * unit / outside.sigma[i];
-      }
+      for (int j = 0; j < kRegistration && outside.first >= 0; ++j)
+        line.B(line.rows, outside.first + j) = by.H[i][j] / outside.sigma[i];
       for (int j : range(n)) line.R[line.rows][j] = by.H_x[i][j] / outside.sigma[i];
       line.e[line.rows++] = apart[i] / outside.sigma[i];
     }
   }
+  times_root(known, line.rows, line.B.data());
   const bool determined =
       line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), p, line.e);
   return {determined ? Status::ok : Status::singular};

@@ -39,7 +39,7 @@ struct Outside {
   const double* x = nullptr;      ///< n coordinates; nullptr: none
   const double* sigma = nullptr;  ///< n, > 0
   const Registration* registration = &kAligned;
-  int first = -1;  ///< of the registration among the unknowns, independent in S; -1: known
+  int first = -1;  ///< of the registration among the unknowns; -1: known
 };
 
 /// Other influences on the readings at a pose, of unknown amounts.
@@ -48,16 +48,20 @@ struct Influences {
   const double* pattern = nullptr;  ///< (m + r) × count: effect of one unit of each
 };
 
-/// Computes D of a row, in σ of the readings: of influences, then of nuisances (model_error.hpp).
+/// Computes D of a row, in σ of the readings: of influences, then of η, the model error of the
+/// ideal level. Axes that deviate from nominal tilt the platform and turn its bars; readings then
+/// differ by D η to first order, with D = H_ξ(full) - H_ξ(ideal).
+/// @param axes  columns of H_ξ of η; σ of the readings
+/// @param H_xi  work space, 2 (m + r) × parameter_count
 Outcome acting(const Robot& robot, const Knowledge& axes, const Pose& pose, const Influences& given,
                double* H_xi, RowMatrix& D);
 
 /// Linearises readings and external measurement at a pose, and eliminates the pose.
 /// @param q_e    m + r readings, NaN where missing; nullptr: as expected
-/// @param known  ξ, then unknowns that no reading depends on, column -1, then η if D is given
-/// @param D      ∂q_e/∂η in units of the readings' σ, from acting; nullptr: no η
+/// @param known  ξ, then unknowns that no reading depends on, column -1, then η
+/// @param D      ∂q_e/∂η in units of the readings' σ, from acting; empty: no η
 /// @param H_xi   work space, 2 (m + r) × parameter_count. @param rest  as of linearise
 Outcome linearise_line(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                       const double* q_e, Outside outside, const RowMatrix* D, double* H_xi,
+                       const double* q_e, Outside outside, const RowMatrix& D, double* H_xi,
                        Line& line, Parasitic& rest);
 }  // namespace truepose

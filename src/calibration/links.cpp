@@ -12,9 +12,9 @@ void LinkBlock::weigh(std::vector<double> by) {
 }
 
 void LinkBlock::weigh(const RowLoss& loss, const std::vector<char>& outlier) {
-  const auto out = [&](int k) { return !outlier.empty() && outlier[link[k]]; };
+  const auto out = [&](int k) { return outlier[link[k]]; };
   std::vector<double> first(size(), 1.0);
-  for (int k = 0; k < size(); ++k)
+  for (int k : range(size()))
     if (out(k)) first[k] = kNothing;
   weigh(first);
   for (int round = 0; round < 100; ++round) {
@@ -80,23 +80,19 @@ LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses, co
 namespace {
 /// Groups the links of known rows by shared rows. @param n  equations of a row with a pose
 std::vector<LinkBlock> grouped(const Links& links, const std::vector<Line>& lines, int n) {
-  std::vector<int> root(lines.size()), block(lines.size(), -1);
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&](int k) {
-    while (root[k] != k) k = root[k] = root[root[k]];
-    return k;
-  };
+  std::vector<int> group(lines.size()), block(lines.size(), -1);
+  std::iota(group.begin(), group.end(), 0);
   const auto last = [](const Link& link) { return link.line[link.ends() - 1]; };
   const auto usable = [&](const Link& link) {
     return lines[link.line[0]].rows >= n && lines[last(link)].rows >= n;
   };
   for (const Link& link : links.link)
-    if (usable(link)) root[find(last(link))] = find(link.line[0]);
+    if (usable(link)) std::ranges::replace(group, int(group[last(link)]), int(group[link.line[0]]));
   std::vector<LinkBlock> blocks;
   for (int k = 0; k < int(links.link.size()); ++k) {
     const Link& link = links.link[k];
     if (!usable(link)) continue;
-    int& at = block[find(link.line[0])];
+    int& at = block[group[link.line[0]]];
     if (at < 0) {
       at = int(blocks.size());
       blocks.emplace_back();
@@ -124,16 +120,10 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
       const Link& link = links.link[all.link[k]];
       const LinkExpected at = expected(mobility, link, poses.data(), w);
       all.e[k] = (link.measured - at.value) / link.sigma;
-      const auto enter = [&](int first, const std::array<double, 3>& slope, int count) {
-        for (int i : range(count)) {
-          const int column = links.first + first + i;
-          const double unit = known.root ? known.root[column * (p + 1)] : 1;
-          all.B(k, column) += slope[i] * unit / link.sigma;
-        }
-      };
-      enter(link.tool, at.tool, 3);
-      if (link.kind != LinkKind::point)
-        enter(link.shape, at.shape, link.kind == LinkKind::plane ? 3 : 2);
+      for (int i : range(3)) {
+        all.B(k, links.first + link.tool + i) += at.tool[i] / link.sigma;
+        if (at.shape[i] != 0) all.B(k, links.first + link.shape + i) += at.shape[i] / link.sigma;
+      }
       for (int a = 0; a < link.ends(); ++a, ++end) {
         const Line& line = lines[link.line[a]];
         double* g = all.G[end];  // g R = ∂f/∂x
@@ -144,6 +134,7 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
         }
       }
     }
+    times_root(known, m, all.B.data());
     all.y = all.e;
     for (int k : range(ends)) {
       const auto [own, at] = all.end[k];
@@ -160,13 +151,33 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
   return blocks;
 }
 
-void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu) {
+int equation_count(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks) {
+  int sum = 0;
+  for (const Line& each : lines) sum += each.redundancy();
+  for (const LinkBlock& each : blocks) sum += each.size();
+  return sum;
+}
+
+void each_equation(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks,
+                   const std::function<void(const double*, double, int, bool)>& f) {
+  for (const Line& line : lines)
+    for (int i : range(line.n, line.rows))
+      f(line.B[i], line.e[i], int(&line - lines.data()), false);
+  for (const LinkBlock& block : blocks) {
+    RowMatrix B = block.B, y(block.size(), 1, block.y.data());
+    solve_lower(block.C, B);
+    solve_lower(block.C, y);
+    for (int k : range(block.size())) f(B[k], y(k, 0), block.end[0].line, true);
+  }
+}
+
+void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Line>& lines) {
   std::vector<double> left = block.B * step;
   for (int k : range(block.size())) left[k] = block.y[k] - left[k];
   const std::vector<double> z = solve_cholesky(block.C, left);
   for (std::size_t k = 0; k < block.end.size(); ++k)
     for (int i : range(block.G.cols()))
-      nu[block.end[k].line][i] += z[block.end[k].link] * block.G(k, i);
+      lines[block.end[k].line].pull[i] += z[block.end[k].link] * block.G(k, i);
 }
 
 void cross_validate(const Links& links, const LinkBlock& block, const RowMatrix& root,

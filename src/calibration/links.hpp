@@ -11,6 +11,7 @@
 // poses gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε has its own weight.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "calibration/line.hpp"
@@ -43,7 +44,7 @@ struct Link {
 struct Links {
   std::vector<Link> link;
   std::vector<double> mean;  ///< of their unknowns w; σ = 0 of the known ones
-  int first = 0;             ///< index of w in the prior, independent of everything else
+  int first = 0;             ///< index of w in the prior
 };
 
 /// Expected value of a link, and its derivatives.
@@ -77,7 +78,7 @@ struct LinkBlock {
   void weigh(std::vector<double> by);
   /// Weighs each link by the loss of its own ε, at the optimal ν; outliers by `kNothing`. Each
   /// round lowers the cost, because a loss is a concave function of ε².
-  void weigh(const RowLoss& loss, const std::vector<char>& outlier = {});
+  void weigh(const RowLoss& loss, const std::vector<char>& outlier);
 };
 
 /// The links as equations in ξ, in blocks that share rows.
@@ -87,8 +88,16 @@ std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const doubl
                               const Knowledge& known, const std::vector<Pose>& poses,
                               const std::vector<Line>& lines);
 
-/// Adds the links' effect on every row's ν after the change `step` of u.
-void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Coordinates>& nu);
+/// Number of the equations free of poses.
+int equation_count(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks);
+
+/// Calls f(row of B, y, row of the log, whether it is of links) for these equations, with noise of
+/// unit covariance; the row of a block of links is its first one.
+void each_equation(const std::vector<Line>& lines, const std::vector<LinkBlock>& blocks,
+                   const std::function<void(const double*, double, int, bool)>& f);
+
+/// Adds the links' effect on every row's ν after the change `step` of u to its `pull`.
+void pull(const LinkBlock& block, const std::vector<double>& step, std::vector<Line>& lines);
 
 /// Result for one measured difference, in its own unit. NaN: of an excluded row.
 struct LinkResult {

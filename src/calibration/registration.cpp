@@ -33,9 +33,6 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
   const Mat3 turn = by.base.R * pose.R;
   const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
   Seen result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
-  const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
-    copy_first(3, value, row.begin() + first);
-  };
   for (int i : range(dof(mobility))) {
     auto& row = result.H[i];
     if (i < positions) {
@@ -43,8 +40,8 @@ Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
       free_row({mobility, dof(mobility), {}, {}, {}, {}}, along, arm.cross(along),
                result.H_x[i].data());
       row[i] = 1;
-      enter(lever.cross(Vec3::Unit(i)), row, 3);
-      enter(turn.transpose().col(i), row, 6);
+      copy_first(3, lever.cross(Vec3::Unit(i)), row.begin() + 3);
+      copy_first(3, turn.transpose().col(i), row.begin() + 6);
     } else {
       Vec3 about = Vec3::Unit(i - positions);  // axis of the turn that this coordinate measures
       if (turns_about_z(mobility)) {
@@ -93,17 +90,8 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-namespace {
-SingularValues singular_values(const Mat3& A) {
-  RowMatrix rows(3, 3);
-  for (int i : range(3))
-    for (int j : range(3)) rows(i, j) = A(i, j);
-  return truepose::singular_values(rows);
-}
-}  // namespace
-
 Mat3 nearest_rotation(const Mat3& A) {
-  const SingularValues of = singular_values(A);
+  const SingularValues of = singular_values(RowMatrix(3, 3, A.transpose().data()));
   const auto column = [](const RowMatrix& M, int j) { return Vec3(M(0, j), M(1, j), M(2, j)); };
   // U Vᵀ, the third columns such that both are rotations; on a line the second is any.
   const Vec3 u = column(of.AV, 0).normalized(), v = column(of.V, 0), v2 = column(of.V, 1);
@@ -159,27 +147,21 @@ Registration registered(Mobility mobility, const Registration& known, bool moved
   if (moved) result.base = {shift, Mat3::Identity()};
   for (int round = 0; round < 50 && !pairs.empty(); ++round) {
     double total = 0;
-    Vec3 from = Vec3::Zero(), to = Vec3::Zero();
+    for (const auto& p : pairs) total += p.weight;
+    // Means; of a known base its origin.
+    Vec3 from = Vec3::Zero(), to = moved ? Vec3::Zero() : result.base.t;
     Mat3 turn = Mat3::Zero(), H = Mat3::Zero();
-    for (const auto& p : pairs) {
-      total += p.weight;
-      from += p.weight * p.from;
-      to += p.weight * p.to;
-      turn += p.weight * pose[p.line].R;
-    }
-    from *= 1 / total;
-    to *= 1 / total;
-    turn = (1 / total) * turn;
     if (moved) {
+      for (const auto& p : pairs) {
+        from += p.weight / total * p.from;
+        to += p.weight / total * p.to;
+        turn += p.weight / total * pose[p.line].R;
+      }
       for (const auto& p : pairs) H += p.weight * outer(p.to - to, p.from - from);
-      const std::vector<double> spans = singular_values(H).length;
+      const std::vector<double> spans = singular_values(RowMatrix(3, 3, H.data())).length;
       if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
       result.base.R = nearest_rotation(H);
       result.base.t = to - result.base.R * from;
-    } else {
-      from = Vec3::Zero();
-      to = result.base.t;
-      turn = Mat3::Zero();
     }
     std::vector<double> apart;
     for (const auto& p : pairs)

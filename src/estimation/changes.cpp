@@ -42,18 +42,15 @@ Evidence evidence_of(const ChangeSettings& changes, int change, const Window& wi
 }
 }  // namespace
 
-int window_memory(const Robot& robot, int p, const ChangeSettings& changes) {
-  if (changes.count == 0) return 0;
-  const int m = readings(robot), K = responses(changes, m), n = widest(changes);
-  return 2 * p * p + 3 * parameter_count(robot) + K * (p + 1 + n + redundancy(robot)) +
-         n * (n + 1) + changes.steps + kStored * m;
-}
-
-void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
-             Real* memory, Window& window) {
+int lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
+            Real* memory, Window& window) {
   const int m = readings(robot), K = responses(changes, m), n = widest(changes);
   const int p = filter.count, width = parameter_count(robot);
-  const auto take = [&](int count) { return std::exchange(memory, memory + count); };
+  int taken = 0;
+  const auto take = [&](int count) {
+    taken += count;
+    return memory ? memory + taken - count : nullptr;
+  };
   window.widest = n;
   for (RootFilter* own : {&window.base, &window.filter})
     *own = {p, filter.column, take(width), take(p * p)};
@@ -62,6 +59,7 @@ void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings&
   window.scratch = take(n * (n + 1) + K * redundancy(robot));
   window.stored = take(kStored * m);
   window.about = take(width);
+  return taken;
 }
 
 void restart(const ChangeSettings& changes, int readings, Window& window, Real* work) {
@@ -90,10 +88,7 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
   const int p = window.filter.count, r = row.r, readings = row.readings;
   Real *F = work, *gain = F + r * p;
   Innovations made;
-  made.r = r;
-  copy_first(r, row.e, made.y);
-  std::copy_n(row.B, r * p, F);
-  const Outcome finite = innovate(window.filter, row.about, row.curvature, F, made);
+  const Outcome finite = innovate(window.filter, row, F, made);
   ++window.rows;
   const Real chi2 = made.chi2();
   const bool gross = !(chi2 <= beyond(kGate, r));
@@ -102,47 +97,37 @@ void add_row(const ChangeSettings& changes, const Extended& sigma, const Equatio
   window.gross = gross;
   window.chi2 += chi2, window.freedom += r, ++window.used;
   update(made, F, window.filter, gain);
-  std::array<Real, kMaxReadings> w;
   Real* const every = window.scratch;
-  const auto respond = [&](int k) {  // w holds the step's own effect
-    Real* own = window.response + k * p;
-    for (int i : range(r))
-      for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
-    made.transform(w);
-    for (int i : range(r)) {
-      const Real share = w[i] / made.total[i];
-      window.z[k] += share * made.y[i];
-      every[k * r + i] = w[i];
-      for (int j : range(p)) own[j] += gain[i * p + j] * share;
-    }
-  };
-  for (int k : range(changes.steps)) {
-    for (int i : range(r)) {
-      const auto by = [&](int j) { return row.B[i * p + j] * changes.step[k * p + j]; };
-      w[i] = k == changes.load && row.loaded ? row.loaded[i] : sum_of(p, by);
-    }
-    respond(k);
-  }
-  for (int c : range(readings)) {
-    for (int fault : range(kFaults)) {
-      const Real bias = kFault / sigma[c] * (fault ? Real(window.rows) / kWindow : 1);
-      for (int i : range(r)) w[i] = bias * row.G[i * readings + c];
-      respond(changes.steps + kFaults * c + fault);
-    }
-    for (int i : range(r)) w[i] = row.G[i * readings + c];
-    made.transform(w);
-    Column error;
-    for (int i : range(r)) error.add(w[i], made.y[i], made.total[i]);
-    for (std::size_t f = 0; f < kFactor.size(); ++f)
-      window.noisy[f][c] += error.log_odds(kFactor[f] * kFactor[f] - 1);
-  }
   for (int change : range(changes.count + readings)) {
     const auto [first, count] = steps_of(changes, change);
-    for (int a : range(first, first + count))
-      for (int b : range(first, a + 1))
-        for (int i : range(r))
-          window.product[a * window.widest + b - first] +=
-              every[a * r + i] * every[b * r + i] / made.total[i];
+    const int c = change - changes.count;  // reading of a fault
+    std::array<Real, kMaxReadings> w;
+    for (int k : range(first, first + count)) {
+      Real* own = window.response + k * p;
+      const Real bias =
+          c < 0 ? 0 : kFault / sigma[c] * (k > first ? Real(window.rows) / kWindow : 1);
+      for (int i : range(r)) {
+        const auto by = [&](int j) { return row.B[i * p + j] * changes.step[k * p + j]; };
+        if (c >= 0)
+          w[i] = bias * row.G[i * readings + c];
+        else
+          w[i] = k == changes.load && row.loaded ? row.loaded[i] : sum_of(p, by);
+        for (int j : range(p)) w[i] -= row.B[i * p + j] * own[j];
+      }
+      window.z[k] += made.transform(w).score;
+      for (int i : range(r)) {
+        const Real share = w[i] / made.total[i];
+        every[k * r + i] = w[i];
+        for (int j : range(p)) own[j] += gain[i * p + j] * share;
+        for (int b : range(first, k + 1))
+          window.product[k * window.widest + b - first] += every[b * r + i] * share;
+      }
+    }
+    if (c < 0) continue;
+    for (int i : range(r)) w[i] = row.G[i * readings + c];
+    const Column error = made.transform(w);
+    for (std::size_t f = 0; f < kFactor.size(); ++f)
+      window.noisy[f][c] += error.log_odds(kFactor[f] * kFactor[f] - 1);
   }
 }
 
@@ -177,8 +162,8 @@ Finding decide(const ChangeSettings& changes, int readings, Window& window, Exte
   // Relative to the likeliest.
   const Real none = exp(-top);
   Real parts = 0, faults = 0;
-  for (int k : range(changes.count)) parts += exp(of(k).log_odds - top);
-  for (int c : range(readings)) faults += exp(of(changes.count + c).log_odds - top);
+  for (int k : range(changes.count + readings))
+    (k < changes.count ? parts : faults) += exp(of(k).log_odds - top);
   const Real all = none + parts + faults + noisy;
   finding.unchanged = none > 0.5 * all;
   finding.decisive = none < (1 - kDecisive) * all;

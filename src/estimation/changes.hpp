@@ -8,7 +8,6 @@
 // allocation, no exception.
 #pragma once
 
-#include "estimation/evidence.hpp"
 #include "estimation/root_filter.hpp"
 
 namespace truepose {
@@ -81,20 +80,10 @@ struct Window {
   long recognised = 0;  ///< number of changes so far; the last kNews in turn in `news`
 };
 
-/// Numbers of memory of a window.
-int window_memory(const Robot& robot, int p, const ChangeSettings& changes);
-/// Lays out a window's arrays. @param filter  the calibration's
-void lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
-             Real* memory, Window& window);
-
-/// r equations about ξ of one row, as linearised at `about`.
-struct Equations {
-  int r = 0, readings = 0;
-  const Real *B = nullptr, *G = nullptr;  ///< r × p; r × readings, by an error of one σ of each
-  const Real *e = nullptr, *about = nullptr;
-  const Real* loaded = nullptr;  ///< r, by the payload; nullptr: as its step
-  Real curvature = 0;
-};
+/// Lays out a window's arrays. @param filter  the calibration's @param memory  nullptr: no array
+/// @return numbers of memory
+int lay_out(const Robot& robot, const RootFilter& filter, const ChangeSettings& changes,
+            Real* memory, Window& window);
 
 /// Adds a row to a window's evidence. @param sigma  of the readings @param work  2 r p numbers
 void add_row(const ChangeSettings& changes, const Extended& sigma, const Equations& row,

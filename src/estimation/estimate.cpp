@@ -18,9 +18,10 @@ Real dot(int size, const Real* a, const Real* b) {
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
+Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B,
                            ReadingCovariance& C) {
   const int rows = readings(robot);
+  gather(robot, known, H_xi, rows, B);
   times_root(known, rows, B);
   bool positive = true;
   for (int i : range(rows)) {
@@ -40,40 +41,31 @@ Real within_turn(const Robot& robot, int reading, Real difference) {
 }
 
 namespace {
-/// The normal equations AᵀA δx = Aᵀe of whitened rows A = L⁻¹ H_x.
-struct WhitenedRows {
-  PoseRows A;
+/// Whitens rows, A = L⁻¹ H_x, and factors their normal equations AᵀA δx = Aᵀe.
+/// @param A           in: H_x
+/// @param covariance  out: (AᵀA)⁻¹
+Ldlt normal_equations(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+                      PoseRows& A, PoseMatrix& covariance) {
+  const int n = dof(robot.mobility), rows = readings(robot);
+  for (int i : range(rows))
+    for (int j : range(n)) A[i][j] /= known.sigma[i];
+  for (int j : range(n)) C.whiten(rows, &A[0][j], kMaxDof);
   Square normal{};
   Coordinates size;
-
-  WhitenedRows(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-               const PoseRows& H_x)
-      : A(H_x) {
-    const int n = dof(robot.mobility), rows = readings(robot);
-    for (int i : range(rows))
-      for (int j : range(n)) A[i][j] /= known.sigma[i];
-    for (int j : range(n)) C.whiten(rows, &A[0][j], kMaxDof);
-    for (int i : range(n)) {
-      for (int j : range(i + 1))
-        for (int k : range(rows)) normal[i][j] += A[k][i] * A[k][j];
-      size[i] = normal[i][i];
-    }
+  for (int i : range(n)) {
+    for (int j : range(i + 1))
+      for (int k : range(rows)) normal[i][j] += A[k][i] * A[k][j];
+    size[i] = normal[i][i];
   }
-};
-struct Normal : WhitenedRows, Ldlt {
-  Normal(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-         const PoseRows& H_x)
-      : WhitenedRows(robot, known, C, H_x), Ldlt(dof(robot.mobility), normal, size) {}
-
-  void covariance(int n, PoseMatrix& P) const {
-    for (int j : range(n)) {
-      Coordinates unit{};
-      unit[j] = 1;
-      solve(unit);
-      for (int i : range(n)) P[i][j] = unit[i];
-    }
+  const Ldlt factors(n, normal, size);
+  for (int j : range(n)) {
+    Coordinates unit{};
+    unit[j] = 1;
+    factors.solve(unit);
+    for (int i : range(n)) covariance[i][j] = unit[i];
   }
-};
+  return factors;
+}
 
 /// Gauss-Newton steps to the pose of all readings.
 struct Search {
@@ -106,16 +98,15 @@ struct Search {
   /// the cost that it promises. Curvature may also make successive steps shrink by a constant
   /// ratio: the secant then goes to where they vanish, or ahead where they grow.
   Outcome turn(Real next) {
-    const Normal equations(robot, known, C, at.H_x);
+    PoseRows A = at.H_x;
+    const Ldlt equations = normal_equations(robot, known, C, A, covariance);
     if (!equations.regular()) return {Status::singular};
-    equations.covariance(n, covariance);
     base = at.pose;
     cost = next;
     const Coordinates before = step;
     Real along = 0, whole2 = 0;  // of the last one
     Coordinates slope{};
-    for (int i : range(n))
-      slope[i] = sum_of(rows, [&](int c) { return equations.A[c][i] * white[c]; });
+    for (int i : range(n)) slope[i] = sum_of(rows, [&](int c) { return A[c][i] * white[c]; });
     step = slope;
     equations.solve(step);
     size = promised = 0;
@@ -146,11 +137,11 @@ struct Search {
 Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
              const PoseRows& H_x, Fusion& fusion) {
   const int n = dof(robot.mobility), rows = readings(robot);
-  const Normal equations(robot, known, C, H_x);
+  PoseRows A = H_x;
+  const Ldlt equations = normal_equations(robot, known, C, A, fusion.covariance);
   if (!equations.regular()) return {Status::singular};
-  equations.covariance(n, fusion.covariance);
   for (int c : range(rows)) {
-    Coordinates column = equations.A[c];
+    Coordinates column = A[c];
     equations.solve(column);
     for (int i : range(n)) fusion.gain[i][c] = column[i];
   }
@@ -205,15 +196,20 @@ Estimate search(Level level, const Robot& robot, const Knowledge& known, const R
   return {outcome, iterations};
 }
 
-Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,
-                       Pose& pose, Real* work, Parasitic& rest, int cap) {
+Estimate estimate(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,
+                  Pose& pose, Real* work) {
+  if (!robot.finished) return {{Status::unfinished}};
+  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite}};
   Real *H_xi = work, *B = work ? work + readings(robot) * parameter_count(robot) : nullptr;
   Expected at{pose, {}, {}};
+  Parasitic rest;
+  const Status motors = motors_pose(level, robot, motors_of(robot, q_e), at.pose, rest);
+  if (motors != Status::ok && motors != Status::not_converged) at.pose = pose;
   ReadingCovariance C;
-  Outcome outcome = linearise(level, robot, pose, at.q_e, at.H_x, H_xi, &rest);
+  Outcome outcome = linearise(level, robot, at.pose, at.q_e, at.H_x, H_xi, &rest);
   if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
   if (!outcome) return {outcome};
-  const Estimate found = search(level, robot, known, C, q_e, at, rest, 0, cap);
+  const Estimate found = search(level, robot, known, C, q_e, at, rest, 0, kEstimateIterations);
   if (found) pose = at.pose;
   return found;
 }

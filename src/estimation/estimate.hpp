@@ -99,17 +99,11 @@ struct ReadingCovariance {
 /// aᵀb in four independent sums, for speed.
 Real dot(int size, const Real* a, const Real* b);
 
-/// C of gathered rows of H_ξ. @param B  those rows, (m + r)×count; overwritten
+/// C at a pose, from its H_ξ. @param B  work space, (m + r)×count; in: the entries of parameters
+/// without a column; out: the uncertainty of the readings in units of their σ
 /// @return not_finite where C is no covariance: some σ is not a positive number
-Outcome reading_covariance(const Robot& robot, const Knowledge& known, Real* B,
+Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B,
                            ReadingCovariance& C);
-
-/// The same at a pose, from its H_ξ. @param B  work space
-inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi,
-                                  Real* B, ReadingCovariance& C) {
-  gather(robot, known, H_xi, readings(robot), B);
-  return reading_covariance(robot, known, B, C);
-}
 
 /// Removes whole turns of a joint from a difference of readings: the turn from which an encoder
 /// counts is not part of the geometry.
@@ -161,33 +155,14 @@ Real chi2(const Robot& robot, const Knowledge& known, const ReadingCovariance& C
 Estimate search(Level level, const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
                 const Extended& q_e, Expected& at, Parasitic& rest, int done, int cap);
 
-/// Estimates the pose by weighted Gauss-Newton on all readings, with the weights at the start.
+/// Estimates the pose by weighted Gauss-Newton on all readings from the motors' pose, with the
+/// weights there.
 /// @param known  about the robot's own parameter values
-/// @param pose   in: the start; out: x̂
+/// @param pose   in: a guess of the motors' pose; out: x̂
 /// @param work   estimate_work(robot, known.count) numbers; nullptr where known.count = 0
-/// @param rest   as of linearise, for the full level
-/// @param cap    steps
-/// @return not_converged, singular or unreachable where no pose is found; `pose` is then the start
-Estimate estimate_from(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,
-                       Pose& pose, Real* work, Parasitic& rest, int cap);
-
-/// Estimates the pose, starting at the motors' pose.
-/// @param pose   in: a guess of that; out: x̂
-/// @param rest   nullptr: nothing is known beforehand
-inline Estimate estimate(Level level, const Robot& robot, const Knowledge& known,
-                         const Extended& q_e, Pose& pose, Real* work, Parasitic* rest = nullptr) {
-  if (!robot.finished) return {{Status::unfinished}};
-  if (!all_finite(q_e, readings(robot))) return {{Status::not_finite}};
-  Pose at = pose;
-  Parasitic own;
-  if (!rest) rest = &own;
-  const Status motors = motors_pose(level, robot, motors_of(robot, q_e), at, *rest);
-  if (motors != Status::ok && motors != Status::not_converged) at = pose;
-  const Estimate result =
-      estimate_from(level, robot, known, q_e, at, work, *rest, kEstimateIterations);
-  if (result) pose = at;
-  return result;
-}
+/// @return not_converged, singular or unreachable where no pose is found; `pose` is then the guess
+Estimate estimate(Level level, const Robot& robot, const Knowledge& known, const Extended& q_e,
+                  Pose& pose, Real* work);
 
 /// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ with M = H_x J, hence J⁻¹ times the gain.
 void weighted_tej(const Robot& robot, const PoseRows& H_x, const Fusion& fusion,

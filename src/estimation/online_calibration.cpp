@@ -5,17 +5,6 @@
 
 namespace truepose {
 namespace {
-/// Layout of `observe`'s work space.
-struct Work {
-  Real *H_xi, *B, *F, *G, *gain;
-  Work(const Robot& robot, int count, Real* work)
-      : H_xi(work),
-        B(H_xi + readings(robot) * parameter_count(robot)),
-        F(B + dof(robot.mobility) * count),
-        G(F + redundancy(robot) * count),
-        gain(G + readings(robot) * readings(robot)) {}
-};
-
 /// Effect of a payload on the equations free of the pose. @return false without one, or where the
 /// Jacobian of the first n motors is singular
 bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& sigma,
@@ -40,142 +29,130 @@ bool by_payload(int n, int rows, const ChangeSettings& changes, const Extended& 
 /// One cycle.
 struct Cycle {
   const Level level;
-  const Robot& robot;
-  const OnlineSettings& settings;
+  OnlineCalibrator& of;
   const Extended& q_e;
-  OnlineState& state;
-  const Pose& guess;
-  const Work work;
 
+  const Robot& robot = of.robot;
+  const OnlineSettings& settings = of.settings;
+  OnlineState& state = of.state;
   const int n = dof(robot.mobility), readings = truepose::readings(robot);
+  Real* const H_xi = of.work;
+  Real* const B = H_xi + readings * parameter_count(robot);
+  Real* const G = B + readings * state.count;
+  Real* const F = G + readings * readings;
+  Real* const gain = F + redundancy(robot) * state.count;
   Pose pose{};         ///< x̂
-  RowsOfPose H_x{};    ///< whitened
-  Innovations made{};  ///< of the equations about ξ; their F is in the work space
+  Innovations made{};  ///< of the equations about ξ
 
-  // Not inlined: their stacks are not needed together.
-  [[gnu::noinline]] Outcome innovations(int without);
-  [[gnu::noinline]] bool explained(Extended& by) const;
-  bool isolate(int r, int& faulty);
-  void test(Real log_ratio);
-  void drift();
+  /// Innovations of a row, by linearising about a pose of all readings.
+  /// @param without  excluded reading, or -1
+  [[gnu::noinline]] Outcome innovations(int without) {  // its stack is not needed later
+    const Knowledge known{state.count, state.column, state.root, state.sigma};
+    const bool whole = without < 0;
+    Extended used = q_e;
+    if (!whole) used[without] = NAN;
+    Parasitic rest;
+    Status status = Status::ok;
+    for (const Pose& from : {of.pose, to_pose(robot.mobility, robot.home)}) {
+      pose = from;
+      status = motors_pose(level, robot, motors_of(robot, q_e), pose, rest);
+      if (status == Status::ok) break;
+    }
+    if (status != Status::ok) return {status, -1};
+
+    // From the motors' pose to that of all readings, which is farther without a motor.
+    ReadingRow row;
+    RowsOfPose H_x;  // whitened
+    for (int steps = whole ? 2 : 5; steps > 0; --steps) {
+      const bool last = steps == 1;
+      const Outcome outcome = linearise_row(level, robot, known, pose, used.data(),
+                                            last ? H_xi : nullptr, B, row, rest);
+      if (!outcome) return outcome;
+      H_x = row.R;
+      if ((last && whole && !of_readings(n, row.rows, H_x, G)) ||
+          !eliminate(n, row.rows, row.R, B, last ? state.count : 0, row.e))
+        return {Status::singular};
+      Coordinates step{};
+      copy_first(n, row.e, step);
+      back_substitute(n, row.R, step);
+      if (!all_finite(step, n)) return {Status::not_finite};
+      pose = moved(robot.mobility, pose, step);
+    }
+    const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + readings);
+    const Real curvature = settings.linearised ? 0 : kCurvature * coarsest;
+    Equations equations{
+        row.rows - n,     row.rows,         B + n * state.count,
+        G + n * row.rows, row.e.data() + n, settings.linearised ? settings.linearised : state.xi,
+        nullptr,          curvature};
+    if (whole && state.window) {
+      std::array<Real, kMaxReadings> loaded;
+      if (by_payload(n, row.rows, settings.changes, state.sigma, H_x, equations.G, loaded))
+        equations.loaded = loaded.data();
+      add_row(settings.changes, state.sigma, equations, *state.window, F);
+    }
+    return innovate(state, equations, F, made);
+  }
+
+  /// Innovations without the one reading that alone explains a contradiction of r equations, if
+  /// there is one. @return whether the other readings agree
+  bool isolate(int r, int& faulty) {
+    if (r < 2) return false;
+    Extended by{};  // decrease of χ² by an error of each reading
+    for (int c : range(readings)) {
+      std::array<Real, kMaxReadings> g;
+      for (int i : range(r)) g[i] = G[(n + i) * readings + c];
+      by[c] = made.transform(g).chi2();
+    }
+    const int suspect = outstanding(readings, by, beyond(settings.gate, 1));
+    if (suspect < 0 || !innovations(suspect) || !(made.chi2() <= beyond(settings.gate, r - 1)))
+      return false;
+    faulty = suspect;
+    state.test.faulty[faulty] += 1;
+    return true;
+  }
+
+  /// Adds a row to the evidence of disagreement. Without evidence, the state before this row is
+  /// saved; with too much, the saved one is restored.
+  void test(Real log_ratio) {
+    ResidualTest& test = state.test;
+    if (test.cusum <= 0 && ++test.since >= kSavePeriod) {
+      state.kept.assign(state);
+      test.since = 0;
+    }
+    ++test.lines;
+    test.cusum = max(0.0, test.cusum + min(log_ratio, kMostLogRatio));
+    if (test.cusum <= 0) test.faulty = {};
+    if (!(test.cusum > kThreshold)) return;
+    test.stopped = true;
+    test.suspect = outstanding(readings, test.faulty, kIsolates);
+    state.assign(state.kept);
+  }
+
+  /// One random walk per cycle, for all cycles since its last turn.
+  void drift() {
+    const ChangeSettings& by = settings.changes;
+    if (by.drifts < 1) return;
+    state.due = (state.due + 1) % by.drifts;
+    const Real cycles = sqrt(Real(by.drifts));
+    const int p = state.count;
+    for (int k : range(p)) gain[k] = cycles * by.drift[state.due * p + k];
+    add_drift(p, state.root, gain);
+  }
 };
-
-/// Innovations of a row, by linearising about a pose of all readings.
-/// @param without  excluded reading, or -1
-Outcome Cycle::innovations(int without) {
-  const Knowledge known{state.count, state.column, state.root, state.sigma};
-  const bool whole = without < 0;
-  Extended used = q_e;
-  if (!whole) used[without] = NAN;
-  Parasitic rest;
-  Status status = Status::ok;
-  for (const Pose& from : {guess, to_pose(robot.mobility, robot.home)}) {
-    pose = from;
-    status = motors_pose(level, robot, motors_of(robot, q_e), pose, rest);
-    if (status == Status::ok) break;
-  }
-  if (status != Status::ok) return {status, -1};
-
-  // From the motors' pose to that of all readings, which is farther without a motor.
-  ReadingRow row;
-  for (int steps = whole ? 2 : 5; steps > 0; --steps) {
-    const bool last = steps == 1;
-    const Outcome outcome = linearise_row(level, robot, known, pose, used.data(), 0,
-                                          last ? work.H_xi : nullptr, work.B, row, rest);
-    if (!outcome) return outcome;
-    H_x = row.R;
-    if ((last && whole && state.window && !of_readings(n, row.rows, H_x, work.G)) ||
-        !eliminate(n, row.rows, row.R, work.B, last ? state.count : 0, row.e))
-      return {Status::singular};
-    Coordinates step{};
-    copy_first(n, row.e, step);
-    back_substitute(n, row.R, step);
-    if (!all_finite(step, n)) return {Status::not_finite};
-    pose = moved(robot.mobility, pose, step);
-  }
-  const Real coarsest = *std::max_element(state.sigma.begin(), state.sigma.begin() + readings);
-  const Real curvature = settings.linearised ? 0 : kCurvature * coarsest;
-  const Real* about = settings.linearised ? settings.linearised : state.xi;
-  made.r = row.rows - n;
-  copy_first(made.r, row.e.begin() + n, made.y);
-  if (whole && state.window) {
-    Equations equations{made.r,        row.rows, work.F,  work.G + n * row.rows,
-                        made.y.data(), about,    nullptr, curvature};
-    std::array<Real, kMaxReadings> loaded;
-    if (by_payload(n, row.rows, settings.changes, state.sigma, H_x, equations.G, loaded))
-      equations.loaded = loaded.data();
-    add_row(settings.changes, state.sigma, equations, *state.window, work.gain);
-  }
-  return innovate(state, about, curvature, work.F, made);
-}
-
-/// Decrease of χ² by an error of each reading. @return false where there is none
-bool Cycle::explained(Extended& by) const {
-  std::array<Real, kMaxRows * kMaxRows> unit;
-  if (!of_readings(n, readings, H_x, unit.data())) return false;
-  for (int c : range(readings)) {
-    std::array<Real, kMaxReadings> g;
-    for (int i : range(made.r)) g[i] = unit[(n + i) * readings + c];
-    made.transform(g);
-    Column error;
-    for (int i : range(made.r)) error.add(g[i], made.y[i], made.total[i]);
-    by[c] = error.chi2();
-  }
-  return true;
-}
-
-/// Innovations without the one reading that alone explains a contradiction of r equations, if there
-/// is one. @return whether the other readings agree
-bool Cycle::isolate(int r, int& faulty) {
-  Extended by{};
-  if (r < 2 || !explained(by)) return false;
-  const int suspect = outstanding(readings, by, beyond(settings.gate, 1));
-  if (suspect < 0 || !innovations(suspect) || !(made.chi2() <= beyond(settings.gate, r - 1)))
-    return false;
-  faulty = suspect;
-  state.test.faulty[faulty] += 1;
-  return true;
-}
-
-/// Adds a row to the evidence of disagreement. Without evidence, the state before this row is
-/// saved; with too much, the saved one is restored.
-void Cycle::test(Real log_ratio) {
-  ResidualTest& of = state.test;
-  if (state.kept.xi && of.cusum <= 0 && ++of.since >= kSavePeriod) {
-    state.kept.assign(state);
-    of.since = 0;
-  }
-  ++of.lines;
-  of.cusum = max(0.0, of.cusum + min(log_ratio, kMostLogRatio));
-  if (of.cusum <= 0) of.faulty = {};
-  if (!(of.cusum > kThreshold)) return;
-  of.stopped = true;
-  of.suspect = outstanding(readings, of.faulty, kIsolates);
-  if (state.kept.xi) state.assign(state.kept);
-}
-
-/// One random walk per cycle, for all cycles since its last turn.
-void Cycle::drift() {
-  const ChangeSettings& by = settings.changes;
-  if (by.drifts < 1) return;
-  state.due = (state.due + 1) % by.drifts;
-  const Real cycles = sqrt(Real(by.drifts));
-  const int p = state.count;
-  for (int k : range(p)) work.gain[k] = cycles * by.drift[state.due * p + k];
-  add_drift(p, state.root, work.gain);
-}
 }  // namespace
 
-Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
-                const Extended& q_e, OnlineState& state, Robot& robot, Pose& pose, Real* memory) {
+Outcome observe(Level level, OnlineCalibrator& of, const Extended& q_e) {
+  const Robot& drawn = *of.drawn;
   if (!drawn.finished) return {Status::unfinished};
   const int r = redundancy(drawn);
   if (!all_finite(q_e, readings(drawn))) return {Status::not_finite};
+  const OnlineSettings& settings = of.settings;
+  OnlineState& state = of.state;
   const bool gated = settings.gate > 0 && !state.test.stopped;
-  const Real* xi = settings.linearised ? settings.linearised : state.xi;
-  Outcome outcome = set_parameters(drawn, xi, robot);
+  Outcome outcome =
+      set_parameters(drawn, settings.linearised ? settings.linearised : state.xi, of.robot);
   if (!outcome) return outcome;
-  Cycle cycle{level, robot, settings, q_e, state, pose, Work(drawn, state.count, memory)};
+  Cycle cycle{level, of, q_e};
   outcome = cycle.innovations(-1);
   if (!outcome) {
     if (gated && (outcome.status == Status::unreachable || outcome.status == Status::not_converged))
@@ -195,10 +172,10 @@ Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
     }
     cycle.test(log_ratio);
   }
-  pose = found;
+  of.pose = found;
   if (state.test.stopped) return {Status::stopped};
   if (!updates) return outcome;
-  update(cycle.made, cycle.work.F, state, cycle.work.gain);
+  update(cycle.made, cycle.F, state, cycle.gain);
   cycle.drift();
   return outcome;
 }

@@ -34,7 +34,7 @@ struct ResidualTest {
 struct OnlineState : RootFilter {
   Extended sigma{};          ///< σ of every reading's own error, > 0
   int due = 0;               ///< index of the next drift
-  RootFilter kept{};         ///< to roll back to; or none
+  RootFilter kept{};         ///< to roll back to
   ResidualTest test{};       ///< disagreement of the readings, and whether it stopped the filter
   Window* window = nullptr;  ///< evidence of changes; nullptr: none
 };
@@ -59,14 +59,32 @@ inline int online_work(const Robot& robot, int count) {
   return m * (parameter_count(robot) + count) + m * m + (2 * r + 1) * count;
 }
 
-/// Runs one cycle: updates ξ̂ and S by one row of readings.
-/// @param drawn   nominal robot, as for set_parameters
-/// @param robot   in: any copy of it; out: the robot at the ξ of linearisation
-/// @param pose    in: a guess; out: x̂ before ξ̂ moved
-/// @param memory  online_work(drawn, count) numbers
+/// The online calibrator. Arrays that it points to are the caller's; `robot` is the controller's.
+struct OnlineCalibrator {
+  const Robot* drawn = nullptr;  ///< nominal robot, as for set_parameters
+  OnlineSettings settings;
+  OnlineState state;
+  Real* work = nullptr;  ///< online_work(*drawn, state.count) numbers
+  /// A row counts where a reading has moved by this many of its own σ since the last one: at rest
+  /// every cycle has the same rounding error, which is no information.
+  Real fresh = 30;
+  Robot robot;
+  /// ξ of `robot`, parameter_count values, which then approaches ξ̂: no motor's setpoint changes by
+  /// more than kJump of its σ a cycle. nullptr: it is ξ̂
+  Real* in_use = nullptr;
+  Pose pose;          ///< x̂ of the last row, where the next one starts
+  Extended last{};    ///< last row
+  long lines = 0;     ///< rows used so far
+  long left_out = 0;  ///< rows excluded as a whole (also for want of a pose) or by one reading
+  Outcome made{};     ///< outcome of the last row
+
+  Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
+};
+
+/// Runs one cycle: updates ξ̂ and S by one row of readings. `robot` is then at the ξ of
+/// linearisation, `pose` x̂ before ξ̂ moved.
 /// @return `disagree`: no update, or none by the reading named; `stopped`: no update until `test`
 /// is reset, and ξ̂ and S are back at their last good values. Both come with a pose. Without an
 /// answer ξ̂ and S are unchanged, unless a row without a pose stops the filter.
-Outcome observe(Level level, const Robot& drawn, const OnlineSettings& settings,
-                const Extended& q_e, OnlineState& state, Robot& robot, Pose& pose, Real* memory);
+Outcome observe(Level level, OnlineCalibrator& calibrator, const Extended& q_e);
 }  // namespace truepose

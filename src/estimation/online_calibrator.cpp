@@ -17,9 +17,7 @@ const Extended& first_sigma(const OnlineState& state) {
 /// Processes a row.
 Outcome process(Level level, OnlineCalibrator& calibrator, const Extended& q_e) {
   const Pose before = calibrator.pose;
-  const Outcome outcome =
-      observe(level, *calibrator.drawn, calibrator.settings, q_e, calibrator.state,
-              calibrator.robot, calibrator.pose, calibrator.work);
+  const Outcome outcome = observe(level, calibrator, q_e);
   if (outcome.status == Status::disagree && outcome.chain < 0) calibrator.pose = before;
   return outcome;
 }
@@ -44,7 +42,7 @@ void begin_window(OnlineCalibrator& calibrator) {
 /// Continues at another estimate, without evidence of disagreement.
 void resume(const RootFilter& at, OnlineState& state) {
   state.assign(at);
-  if (state.kept.xi) state.kept.assign(at);
+  state.kept.assign(at);
   state.test = {};
 }
 
@@ -232,7 +230,7 @@ Outcome calibrate_online(Level level, OnlineCalibrator& calibrator, const Extend
 
 Outcome roll_back(OnlineCalibrator& calibrator) {
   OnlineState& state = calibrator.state;
-  if (!state.kept.xi || !(calibrator.settings.gate > 0)) return {};
+  if (!(calibrator.settings.gate > 0)) return {};
   state.assign(state.kept);
   state.test.cusum = 0;
   state.test.faulty = {};

@@ -8,28 +8,6 @@
 #include "estimation/online_calibration.hpp"
 
 namespace truepose {
-/// The online calibrator. Arrays that it points to are the caller's; `robot` is the controller's.
-struct OnlineCalibrator {
-  const Robot* drawn = nullptr;  ///< nominal robot, as for set_parameters
-  OnlineSettings settings;
-  OnlineState state;
-  Real* work = nullptr;  ///< online_work(*drawn, state.count) numbers
-  /// A row counts where a reading has moved by this many of its own σ since the last one: at rest
-  /// every cycle has the same rounding error, which is no information.
-  Real fresh = 30;
-  Robot robot;
-  /// ξ of `robot`, parameter_count values, which then approaches ξ̂: no motor's setpoint changes by
-  /// more than kJump of its σ a cycle. nullptr: it is ξ̂
-  Real* in_use = nullptr;
-  Pose pose;          ///< x̂ of the last row, where the next one starts
-  Extended last{};    ///< last row
-  long lines = 0;     ///< rows used so far
-  long left_out = 0;  ///< rows excluded as a whole (also for want of a pose) or by one reading
-  Outcome made{};     ///< outcome of the last row
-
-  Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
-};
-
 /// Numbers of memory to start: ξ̂ and S, the same to roll back to, work space.
 inline int online_memory(const Robot& drawn, int count) {
   return 2 * (parameter_count(drawn) + count * count) + online_work(drawn, count);
@@ -40,7 +18,8 @@ Outcome start(const Robot& drawn, const Knowledge& prior, Real* memory,
 
 /// Numbers of memory to follow changes.
 inline int follow_memory(const OnlineCalibrator& of, const ChangeSettings& changes) {
-  return window_memory(*of.drawn, of.state.count, changes) + parameter_count(*of.drawn);
+  Window window;
+  return lay_out(*of.drawn, of.state, changes, nullptr, window) + parameter_count(*of.drawn);
 }
 /// Recognises changes from now on, and follows them. All arguments must stay in place.
 void follow(const ChangeSettings& changes, Real* memory, Window& window,

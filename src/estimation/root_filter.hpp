@@ -6,6 +6,7 @@
 // Estimation, 1977, chapter V). Bounded work, no allocation, no exception.
 #pragma once
 
+#include "estimation/evidence.hpp"
 #include "estimation/knowledge.hpp"
 
 namespace truepose {
@@ -23,6 +24,15 @@ struct RootFilter {
   }
 };
 
+/// r equations B δξ = e about ξ of one row, linearised at `about`, with noise of unit covariance.
+struct Equations {
+  int r = 0, readings = 0;
+  const Real *B = nullptr, *G = nullptr;  ///< r × p; r × readings, by an error of one σ of each
+  const Real *e = nullptr, *about = nullptr;
+  const Real* loaded = nullptr;  ///< r, by a payload; nullptr: as its step
+  Real curvature = 0;            ///< second-order remainder over the square of the loop residual
+};
+
 /// r equations, each made independent of those before.
 struct Innovations {
   int r = 0;
@@ -33,24 +43,24 @@ struct Innovations {
   Real chi2() const {
     return sum_of(r, [&](int i) { return y[i] * y[i] / total[i]; });
   }
-  /// Transforms a column of the equations likewise.
-  void transform(std::array<Real, kMaxReadings>& column) const {
-    for (int i : range(r))
+  /// Transforms a column of the equations likewise. @return its evidence
+  Column transform(std::array<Real, kMaxReadings>& column) const {
+    Column evidence;
+    for (int i : range(r)) {
       for (int k : range(i)) column[i] -= L[i][k] * column[k];
+      evidence.add(column[i], y[i], total[i]);
+    }
+    return evidence;
   }
 };
 
 /// Decorrelates the equations F ζ = y: each is as after the filter's update by those before.
 /// @param F  in: r×p; out: its row i belongs to the root after i updates (Carlson's form)
-/// @param curvature  second-order remainder over the square of the loop residual
 void decorrelate(int p, Real* F, Real curvature, Innovations& made);
 
-/// Innovations of equations linearised at ξ = `about`.
-/// @param F     in: r×p, by ξ; out: as of decorrelate
-/// @param made  in: r, and y there
+/// Innovations of a row's equations. @param F  out: r×p, as of decorrelate
 /// @return not_finite where an update by them would corrupt every later state
-Outcome innovate(const RootFilter& filter, const Real* about, Real curvature, Real* F,
-                 Innovations& made);
+Outcome innovate(const RootFilter& filter, const Equations& row, Real* F, Innovations& made);
 
 /// Updates the filter. @param gain  out: r×p, gains times the innovations' variances
 void update(const Innovations& made, const Real* F, RootFilter& filter, Real* gain);

@@ -3,17 +3,17 @@
 
 namespace truepose {
 Outcome linearise_row(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                      const Real* q_e, int last, Real* H_xi, Real* B, ReadingRow& row,
-                      Parasitic& rest) {
+                      const Real* q_e, Real* H_xi, Real* B, ReadingRow& row, Parasitic& rest) {
   Extended expected;
   PoseRows H_x;
   const Outcome outcome = linearise(level, robot, pose, expected, H_x, H_xi, &rest);
+  const int count = gathered(known);
   row.n = dof(robot.mobility), row.rows = 0;
   for (int c = 0; c < readings(robot) && outcome; ++c) {
     const Real e = q_e ? within_turn(robot, c, q_e[c] - expected[c]) : 0;
     if (!isfinite(e)) continue;
     const Real weight = 1 / known.sigma[c];
-    if (H_xi) gather_row(robot, known, H_xi, c, B + row.rows * known.count, last);
+    if (H_xi) gather_row(robot, known, count, H_xi, c, B + row.rows * known.count);
     for (int j : range(row.n)) row.R[row.rows][j] = H_x[c][j] * weight;
     row.e[row.rows] = e * weight;
     row.reading[row.rows++] = c;

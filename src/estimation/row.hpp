@@ -16,13 +16,11 @@ struct ReadingRow {
 
 /// Linearises the readings at a pose.
 /// @param q_e   m + r readings, NaN where missing; nullptr: as expected
-/// @param last  number of last columns of B without a column of H_ξ: left unchanged
 /// @param H_xi  work space, (m + r) × parameter_count numbers; nullptr: without B
-/// @param B     out: rows × known.count, by each parameter in its own unit
+/// @param B     out: rows × known.count, by each parameter in its own unit, as of gather
 /// @param rest  as of linearise
 Outcome linearise_row(Level level, const Robot& robot, const Knowledge& known, const Pose& pose,
-                      const Real* q_e, int last, Real* H_xi, Real* B, ReadingRow& row,
-                      Parasitic& rest);
+                      const Real* q_e, Real* H_xi, Real* B, ReadingRow& row, Parasitic& rest);
 
 /// Rows as `eliminate` leaves them, by an error of one σ of each reading.
 /// @param A  H_x @param G  out: rows × rows

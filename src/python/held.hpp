@@ -142,8 +142,7 @@ struct Online : OnlineCalibrator {
   /// One row of a log, whatever it was before: also once updates have stopped.
   Outcome observe(const Extended& q_e) {
     if (!state.window) {
-      const Outcome outcome =
-          truepose::observe(level, nominal, settings, q_e, state, robot, pose, work);
+      const Outcome outcome = truepose::observe(level, *this, q_e);
       ++(outcome.status == Status::ok ? lines : left_out);
       return outcome;
     }

@@ -195,10 +195,12 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       Pose kept;
       CHECK(refer(scene.robot, Law::estimated, x, reference, 0, scene.keeping()));
       CHECK(motor_error(scene.robot, Law::estimated, reference, q_e, error, kept, scene.keeping()));
-      Pose fresh = kept;  // weights of that pose
+      scene.look(kept);  // weights of that pose
+      Expected fresh{kept, {}, {}};
       Parasitic rest;
-      CHECK(estimate_from(Level::ideal, scene.robot, scene.known(), q_e, fresh, scene.fresh().work,
-                          rest, kEstimateIterations));
+      CHECK(linearise(Level::ideal, scene.robot, kept, fresh.q_e, fresh.H_x, nullptr));
+      CHECK(search(Level::ideal, scene.robot, scene.known(), scene.C, q_e, fresh, rest, 0,
+                   kEstimateIterations));
       // The gain of the weights that are kept, at x̂, finds no error in what is left.
       CachedFusion at;
       Extended expected, residual{};
@@ -208,7 +210,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       CHECK(at.set_jacobians(scene.robot, H_x) && at.weigh(scene.robot, scene.known(), scene.kept));
       innovation(scene.robot, q_e, expected, residual);
       const double chi2 = at.step(scene.robot, residual, step);
-      const Coordinates moved = difference(K, kept, fresh);
+      const Coordinates moved = difference(K, kept, fresh.pose);
       for (int i = 0; i < n; ++i) {
         const double sigma = std::sqrt(at.variance[i]);
         CHECK(std::fabs(step[i]) < 1e-3 * sigma);

@@ -1,6 +1,5 @@
 // Calibration: the optimum, its stated σ, and robust losses.
 #include "calibration/calibrate.hpp"
-#include "calibration/model_error.hpp"
 
 #include "mechanisms.hpp"
 #include "reference.hpp"
@@ -149,7 +148,7 @@ void check_level(const SceneOf& scene, const CalibrationResult& result, double e
     PoseRows H_x;
     reference::Rows H_xi(2 * rows, parameter_count(fitted));
     RowMatrix D(rows, 0);
-    if (paired(scene.K)) CHECK(left_out(fitted, axes, result.pose[k], H_xi.data(), D));
+    if (paired(scene.K)) CHECK(acting(fitted, axes, result.pose[k], {}, H_xi.data(), D));
     CHECK(linearise(Level::ideal, fitted, result.pose[k], expected, H_x, H_xi.data()));
     innovation(fitted, q_e, expected, residual);
     Eigen::MatrixXd B = Eigen::MatrixXd::Zero(rows, p);

@@ -73,8 +73,8 @@ class Scene {
   Line read(const Outside& outside = {}) {
     Line line;
     reference::Rows work(2 * readings(), parameter_count(robot));
-    CHECK(linearise_line(Level::ideal, robot, known, pose, q_e.data(), outside, nullptr,
-                         work.data(), line, rest));
+    CHECK(linearise_line(Level::ideal, robot, known, pose, q_e.data(), outside, {}, work.data(),
+                         line, rest));
     return line;
   }
   /// Reading c, whitened, as row `at` of A δx + B δu = e.
@@ -121,9 +121,8 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   for (int c = 0; c < 3; ++c) scene.q_e[c] = NAN;
   Line line;
   reference::Rows work(2 * scene.readings(), parameter_count(scene.robot));
-  const Outcome outcome =
-      linearise_line(Level::ideal, scene.robot, scene.known, scene.pose, scene.q_e.data(), {},
-                     nullptr, work.data(), line, scene.rest);
+  const Outcome outcome = linearise_line(Level::ideal, scene.robot, scene.known, scene.pose,
+                                         scene.q_e.data(), {}, {}, work.data(), line, scene.rest);
   CHECK(outcome.status == Status::singular);
 }
 

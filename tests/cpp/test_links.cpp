@@ -183,14 +183,14 @@ TEST("parameters, poses and links left out are those of all equations at once") 
     CHECK((u - best.tail<Scene::p>()).norm() < 1e-9);
     const Eigen::MatrixXd covariance = all.covariance().bottomRightCorner<Scene::p, Scene::p>();
     CHECK((reference::inverse(information) - covariance).norm() < 1e-9);
-    std::vector<Coordinates> nu(Scene::L);
-    for (const LinkBlock& block : blocks) pull(block, reference::list(u), nu);
+    std::vector<Line> pulled(Scene::L);
+    for (const LinkBlock& block : blocks) pull(block, reference::list(u), pulled);
     for (int k = 0; k < Scene::L; ++k) {
       if (scene.lines[k].rows == 0) continue;
       Coordinates change{};
       for (int i = 0; i < Scene::n; ++i)
-        change[i] =
-            scene.lines[k].e[i] - reference::dense(scene.lines[k].B).row(i).dot(u) + nu[k][i];
+        change[i] = scene.lines[k].e[i] - reference::dense(scene.lines[k].B).row(i).dot(u) +
+                    pulled[k].pull[i];
       back_substitute(Scene::n, scene.lines[k].R, change);
       for (int i = 0; i < Scene::n; ++i) CHECK_NEAR(change[i], best[Scene::n * k + i], 1e-9);
     }
@@ -224,9 +224,11 @@ TEST("under a robust loss a block has the lowest cost of all its poses, each lin
   scene.links.link[3].measured += 50;
   const RowLoss loss{1};
   for (LinkBlock& block : scene.blocks()) {
-    block.weigh(loss);
-    std::vector<Coordinates> nu(Scene::L);
-    pull(block, std::vector<double>(Scene::p), nu);
+    block.weigh(loss, std::vector<char>(scene.links.link.size()));
+    std::vector<Line> pulled(Scene::L);
+    pull(block, std::vector<double>(Scene::p), pulled);
+    std::vector<Coordinates> nu;
+    for (const Line& line : pulled) nu.push_back(line.pull);
     const auto own = [&] {
       std::vector<double> own = block.y;  // ε
       for (std::size_t a = 0; a < block.end.size(); ++a)

@@ -102,8 +102,7 @@ TEST_EACH(for_each_model,
   CHECK(drawn_parameters(scene.robot, about.data()));
   scene.learner().settings.linearised = about.data();
   OnlineCalibrator& learner = scene.learner();
-  CHECK(observe(level, scene.robot, learner.settings, q_e, scene.state(), learner.robot,
-                learner.pose, learner.work));
+  CHECK(observe(level, learner, q_e));
 
   // Densely: x unknown with a flat prior. Linearised at x̂ less the last small step.
   Pose pose = learner.pose;
