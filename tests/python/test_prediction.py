@@ -103,7 +103,7 @@ def test_the_predicted_error_of_a_law_is_that_of_sampled_robots(name, law, anywh
 def test_the_overview_names_the_best_law_sensors_and_poses(run, h4, referenced):
     home = h4.home if referenced else None
     found = prediction.predict(h4, [["theta"], ["theta", "wire*"]], reference_pose=home)
-    table = prediction.overview(found)
+    table, _ = prediction.overview(found)
     half = np.random.default_rng(0).permutation(found.poses)[:40]
     columns = {"40 poses (mm)": half} | ({"referenced (mm)": None} if referenced else {})
     for record, names in zip(table.records(), (["theta", "wire*"], ["theta"]), strict=True):
