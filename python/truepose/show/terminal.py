@@ -39,7 +39,6 @@ _LEAST = 40  # columns; lines exceed a narrower window
 #: Largest number of lines of a command's answer.
 MOST = 20
 _PIECE = 6  # fewest lines of a table that is printed in part
-_limited = False
 
 
 class Format(StrEnum):
@@ -100,25 +99,18 @@ def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None
         yield update
 
 
-def limit(everything: bool) -> None:
-    """Make :func:`show` print everything, or at most `MOST` lines."""
-    global _limited  # noqa: PLW0603 – state of the one command that runs
-    _limited = not everything
-
-
-def everything() -> bool:
-    """Return whether :func:`show` prints everything."""
-    return not _limited
-
-
 def show(
     tables: list[Table],
     how: Format = Format.table,
     answer: Sequence[object] = (),
     notes: Sequence[object] = (),
-    written: Sequence[Path | None] = (),
+    written: Sequence[Path] = (),
+    everything: bool = True,
 ) -> None:
-    """Print lines of an answer, tables with the most important first, notes, and written files."""
+    """Print lines of an answer, tables with the most important first, notes, and written files.
+
+    Without `everything` a table's answer has at most `MOST` lines.
+    """
     if how is not Format.table:
         _data(tables, how)
         for line in (*answer, *notes):
@@ -130,15 +122,16 @@ def show(
             for texts in (answer, notes)
         )
         parts = [first, *(laid_out(table, width) for table in tables), last]
-        most = MOST - sum(path is not None for path in written)
-        print("\n".join(_joined([part for part in parts if part], most)))
+        most = sys.maxsize if everything else MOST - len(written)
+        for line in _joined([part for part in parts if part], most):
+            print(line)
     wrote(how, *written)
 
 
 def _joined(parts: list[list[str]], most: int) -> list[str]:
     """Return the lines of one screen, the last of which counts those left out."""
     every = [line for part in parts for line in ("", *part)][1:]
-    if not _limited or len(every) <= most:
+    if len(every) <= most:
         return every
     lines = parts[0][: most - 2]
     for part in parts[1:]:
