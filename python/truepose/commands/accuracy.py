@@ -15,7 +15,6 @@ from truepose.robot import Axis, coordinate_axes, label, load, summed
 from truepose.robot.maps import workspace_slice
 from truepose.robot.units import Summed
 from truepose.show import Cell, Table, measured, tabled
-from truepose.show.terminal import Format
 
 
 def command(
@@ -56,7 +55,7 @@ def command(
     output.write(plot=lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
     first, answers = overview(found, level)
     answers += [f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
-    shown_tables = tables(found)[:: -1 if output.how is Format.table else 1]  # the calibrated first
+    shown_tables = tables(found)[:: -1 if not output.data else 1]  # the calibrated first
     output.show([first, *shown_tables], answers, notes(found))
 
 

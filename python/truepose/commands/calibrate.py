@@ -20,7 +20,7 @@ from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot import Robot, reading_units, workspace_samples
 from truepose.show import PRINT, Cell, Table, number
-from truepose.show.terminal import Format, progress, say
+from truepose.show.terminal import progress, say
 
 #: Steps of the progress bar.
 STEPS = 3 + review.STEPS
@@ -147,7 +147,7 @@ def command(
     for note in result.notes:
         say(f"{where}: {note}", err=True)
     tables = review.tables_of(result)
-    if output.how is Format.table:  # the report has the change of each parameter, too
+    if not output.data:  # the report has the change of each parameter, too
         few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
         tables.sort(key=lambda table: table.name != "accuracy")

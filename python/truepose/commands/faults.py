@@ -18,7 +18,6 @@ from truepose.logs.reading import read_poses
 from truepose.robot import Robot, label
 from truepose.robot.workspace import regular_grid
 from truepose.show import PRINT, Cell, Table, measured
-from truepose.show.terminal import Format
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
@@ -92,7 +91,7 @@ def command(
     # A fault's change of the motors' torques needs dynamics.
     undetected = [undetected_motors(found, at)] if loaded.spec.chain else []
     if not loaded.r:
-        tables = [] if output.how is Format.table else [found.table()]
+        tables = [found.table()] if output.data else []
         output.show([*tables, *undetected], [without_sensors(loaded)])
         return
     output.write(plot=found.plot)

@@ -15,7 +15,7 @@ from truepose.exceptions import InputError
 from truepose.files import mark
 from truepose.robot import Robot, in_print, knowledge, list_robots, load, summed
 from truepose.show import Table, fixed, named, tabled
-from truepose.show.terminal import progress, say
+from truepose.show.terminal import Printing, progress, say
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
@@ -182,7 +182,7 @@ def study_command(
         None, min=0, help="Processes; 0: only this one.", show_default="all cores"
     ),
     cluster: str | None = Option(None, help="Address of a dask scheduler: tcp://host:8786."),
-    output: options.Shown = options.Shown(),
+    output: Printing = Printing(),
 ) -> None:
     """Evaluate a function over many robots sampled from their tolerances.
 

@@ -21,8 +21,8 @@ from truepose.logs import writing
 from truepose.robot import Robot, list_robots, load, summed
 from truepose.robot.assumptions import exact_readings, told_exact
 from truepose.robotfile import path_of, to_toml
-from truepose.show import Table, terminal
-from truepose.show.terminal import Format, say
+from truepose.show import terminal
+from truepose.show.terminal import Printing, say
 from truepose.show.units import WRITTEN
 
 if TYPE_CHECKING:
@@ -181,29 +181,7 @@ _OUTPUTS = {
 
 
 @dataclass(kw_only=True)
-class Shown:
-    """Options of a command that prints tables."""
-
-    how: Annotated[
-        Format,
-        Option("--format", help="csv and json: data only, in mm and degrees, with all digits."),
-    ] = Format.table
-    everything: Annotated[bool, Option("--all", help="Print all tables, not the first screen.")] = (
-        False
-    )
-
-    def __post_init__(self) -> None:
-        self._written = list[Path]()
-
-    def show(
-        self, tables: list[Table], answer: Sequence[object] = (), notes: Sequence[object] = ()
-    ) -> None:
-        """Print tables between the lines of an answer and notes, and the written files."""
-        terminal.show(tables, self.how, answer, notes, self._written, self.everything)
-
-
-@dataclass(kw_only=True)
-class Output(Shown):
+class Output(Printing):
     """Options of a command that prints tables and writes files."""
 
     force: Force = False
@@ -225,7 +203,7 @@ class Output(Shown):
         made = {self._asked[key]: make() for key, make in contents.items() if key in self._asked}
         encoded = {output: _encoded(one, output.path) for output, one in made.items()}
         files.write(encoded, self._read, self.force)
-        self._written = [output.path for output in made]
+        self.written = [output.path for output in made]
 
 
 def _encoded(contents: str | list[writing.Column] | Figure, path: Path) -> str | bytes:

@@ -26,10 +26,10 @@ from truepose.robot.workspace import reach, told
 from truepose.robotfile import reading, toml_lines
 from truepose.robotfile.base import Problem
 from truepose.show import Cell, Table, printed
-from truepose.show.terminal import Format, say
+from truepose.show.terminal import Printing, say
 
 
-def list_command(output: options.Shown = options.Shown()) -> None:
+def list_command(output: Printing = Printing()) -> None:
     """List the shipped robots: description, freedoms, motors, sensors and levels.
 
     Every command takes these names in place of a file. **truepose info** prints details of a robot;
@@ -111,7 +111,7 @@ GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 
 
 def check_command(
-    file: Path = Argument(help="A robot file (TOML)."), output: options.Shown = options.Shown()
+    file: Path = Argument(help="A robot file (TOML)."), output: Printing = Printing()
 ) -> None:
     """Check a robot file, and print what it assumes.
 
@@ -130,20 +130,19 @@ def check_command(
         lines = [("fact", fact) for fact in remarks(robot)]
         lines += [("warning", doubt) for doubt in doubts]
         verdict = f"usable, {len(doubts)} warning{'s' * (len(doubts) > 1)}" if doubts else "ok"
-    how = output.how
-    if how is not Format.table:
+    if output.data:
         rows = [*lines, ("verdict", verdict)]
         output.show([Table("check", str(file), ["kind", "text"], rows), *tables])
     for kind, text in lines:
         if kind == "error":
             say(text, err=True)
         else:
-            say(f"{file}: {'warning: ' * (kind == 'warning')}{text}", how)
+            say(f"{file}: {'warning: ' * (kind == 'warning')}{text}", output.how)
     if robot is None:
         raise typer.Exit(2)
-    if how is Format.table and tables[0].rows:
+    if not output.data and tables[0].rows:
         output.show(tables)
-    say(f"{file}: {verdict}", how)
+    say(f"{file}: {verdict}", output.how)
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:

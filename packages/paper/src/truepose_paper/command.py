@@ -8,7 +8,7 @@ import typer
 
 from truepose.commands.options import Output
 from truepose.exceptions import InputError
-from truepose.show.terminal import Format, progress
+from truepose.show.terminal import progress
 
 
 def command(
@@ -59,7 +59,7 @@ def command(
     elapsed = time.perf_counter() - start
     done = f"{robots} robots, seed {seed}, {elapsed:.0f} s; report: {out / report.PAGE}"
     first, more = tables.results(result)
-    if output.how is not Format.table:
+    if output.data:
         output.show([*first, *more], [done])
         return
     if output.everything:

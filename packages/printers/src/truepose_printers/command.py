@@ -12,7 +12,7 @@ import typer
 from truepose import files
 from truepose.commands.options import Output, wrote
 from truepose.exceptions import InputError
-from truepose.show.terminal import Format, say
+from truepose.show.terminal import say
 from truepose_printers import backups, review
 from truepose_printers.assessment import MM, Assessment, read
 
@@ -106,7 +106,7 @@ def command(
         tables.insert(0, table)
         words.insert(0, verdict)
     if "readings" in answer:
-        tables += review.tables(found, narrow=output.how is Format.table)
+        tables += review.tables(found, narrow=not output.data)
     output.show(tables, [f"{line}." for line in words])
     wrote(output.how, write, points)
 

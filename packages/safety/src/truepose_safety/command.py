@@ -3,6 +3,7 @@
 from typer import Option
 
 from truepose.commands import options
+from truepose.show.terminal import Printing
 from truepose_safety.start_test import start_test
 
 
@@ -16,7 +17,7 @@ def command(
     fault: options.Faults = None,
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
-    output: options.Shown = options.Shown(),
+    output: Printing = Printing(),
 ) -> None:
     """Simulate the start-up test of a robot at rest: faults are miswirings of incremental encoders.
 
