@@ -130,7 +130,7 @@ class Line(_Moves):
 
     @property
     def poses(self) -> list[ArrayLike]:
-        """Both poses."""
+        """Start and end."""
         return [self.start, self.end]
 
 
