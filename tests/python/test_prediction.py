@@ -147,7 +147,7 @@ def test_the_map_shows_the_bound(h4):
         (("h4", "--sensors", "tetha"), "unknown sensor 'tetha'; did you mean 'theta'?"),
         (("h4", "--sensors", "theta,theta"), "a sensor is named twice: theta, theta"),
         (("h4", "--reference-pose", "0,0,-0.4"), "must be 4 numbers, x,y,z,theta (m, rad)"),
-        (("h4", "--reference-pose", "0,0,high,0"), "must be numbers separated by commas"),
+        (("h4", "--reference-pose", "0,0,high,0"), "must be 4 numbers, x,y,z,theta (m, rad)"),
         (("h4", "--reference-pose", "0,0,-4,0"), "pose x = [0, 0, -4, 0]: chain 1: unreachable"),
         (("h4", "--level", "real"), "'--level': 'real' is not one of 'ideal', 'full'"),
         (("h4", "--poses", "none.csv"), "none.csv: cannot be read: No such file"),
