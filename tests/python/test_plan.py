@@ -50,17 +50,9 @@ def test_what_a_candidate_is_worth_is_what_it_changes(problem, sharp, to):
 @pytest.mark.parametrize("n", [1, 3, 5])
 def test_the_set_is_the_best_or_nearly(problem, n):
     C, prior, M = problem
-
-    class Weighted(Objective):
-        rows = SimpleNamespace(C=C, known=prior)
-
-        def weights(self, G):
-            return M
-
-        def cost(self, G):
-            return float(np.sum(M * (G @ G.T)))
-
-    goal = Weighted()
+    goal = Objective()
+    goal.rows, goal.weights = SimpleNamespace(C=C, known=prior), lambda _: M
+    goal.cost = lambda G: float(np.sum(M * (G @ G.T)))
     every = [goal.cost(goal.after(c)) for c in itertools.combinations(range(len(C)), n)]
     found = goal.best(n)
     assert len(set(found)) == n
