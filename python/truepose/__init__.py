@@ -51,7 +51,7 @@ __all__ = [
     "steady_state",
 ]
 
-#: Modules that are imported on first use, by the names that they provide.
+#: Modules of the names that are imported on first use; other names are modules themselves.
 _LATER = {
     "Controller": "truepose.control.controller",
     "Effects": "truepose.control.effects",
@@ -59,16 +59,10 @@ _LATER = {
     "OnlineCalibrator": "truepose.calibration.online",
     "accuracy": "truepose.calibration.bound",
     "calibrate": "truepose.calibration.calibrate",
-    "calibration": "truepose.calibration",
-    "control": "truepose.control",
-    "design": "truepose.design",
-    "faults": "truepose.faults",
-    "logs": "truepose.logs",
     "monte_carlo": "truepose.studies.study",
     "plan_poses": "truepose.design.poses",
     "select_sensors": "truepose.design.sensors",
     "simulate": "truepose.simulation.simulate",
-    "simulation": "truepose.simulation",
     "steady_state": "truepose.simulation.equilibrium",
 }
 
@@ -76,10 +70,10 @@ _LATER = {
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
-        if name not in _LATER:
+        if name not in __all__:
             raise AttributeError(moved.absent(__name__, name))
-        module = import_module(_LATER[name])
-        value = module if _LATER[name] == f"{__name__}.{name}" else getattr(module, name)
+        module = import_module(_LATER.get(name, f"{__name__}.{name}"))
+        value = getattr(module, name) if name in _LATER else module
         globals()[name] = value
         return value
 

@@ -102,20 +102,11 @@ def where(what: str, package: str) -> str:
     )
 
 
-def renamed(old: str, new: str) -> Callable[[], None]:
-    """Return a command that states its new name."""
+def answer(said: str) -> Callable[[], None]:
+    """Return a command that states its new name or package."""
 
     def command() -> None:
-        raise InputError(f"truepose {old}: is called truepose {new}")
-
-    return command
-
-
-def answer(name: str, package: str) -> Callable[[], None]:
-    """Return a command that states the package in which the command is."""
-
-    def command() -> None:
-        raise InputError(where(f"truepose {name.replace('.', ' ')}", package))
+        raise InputError(said)
 
     return command
 

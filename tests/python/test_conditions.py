@@ -66,7 +66,7 @@ def test_predicted_deflection_is_that_of_the_dynamic_plant_at_rest(name, payload
     robot = robot.replace(lengths | {"compliance.all_chains": 0.0})
     loop = tp.Controller.for_robot(robot.stiff, effects=effects)
     settings = {"effects": effects, "run": tp.simulation.Run(hold=1.5)}
-    x, q, status = visit(robot.stiff, robot.stiff, anywhere(robot, 4, rng), loop, **settings)
+    q, _, x, status = visit(robot.stiff, robot.stiff, anywhere(robot, 4, rng), loop, **settings)
     assert (status == "ok").all()
     deflection = q - robot.stiff.extended_positions(x)
     predicted = robot.extended_positions(x) - robot.stiff.extended_positions(x)

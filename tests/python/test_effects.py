@@ -24,7 +24,7 @@ def robot(h4):
 
 def held(robot, effects, *poses):
     """True poses and readings where the soft joint law holds these poses, long after each move."""
-    x, q_e, status = visit(robot, robot, poses, SOFT, effects=effects, run=Run(hold=1.5))
+    q_e, _, x, status = visit(robot, robot, poses, SOFT, effects=effects, run=Run(hold=1.5))
     assert set(status) == {"ok"}
     return x, q_e
 
@@ -135,7 +135,7 @@ def test_ripple_moves_no_robot_that_is_held_by_its_gains_further_than_they_allow
 
 
 def test_where_the_robot_cannot_go_is_marked_and_the_rest_goes_on(h4):
-    x, q_e, status = visit(h4, h4, [[0, 0, -0.4, 0], [0, 0, -2.0, 0], [0, 0, -0.42, 0]], SOFT)
+    q_e, _, x, status = visit(h4, h4, [[0, 0, -0.4, 0], [0, 0, -2.0, 0], [0, 0, -0.42, 0]], SOFT)
     assert status.tolist()[::2] == ["ok", "ok"]
     assert status[1] != "ok"
     assert np.isnan(x[1]).all()
@@ -180,11 +180,11 @@ def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, t
     true = with_length_errors(h4, seed=1)
     online = tp.OnlineCalibrator(h4)
     poses = table2[np.random.default_rng(4).permutation(len(table2))[:120]]
-    x, _, status = visit(h4, true, poses, law, run=Run(learn=online))
+    _, _, x, status = visit(h4, true, poses, law, run=Run(learn=online))
     assert (status == "ok").mean() > 0.8  # what it learns of counts that hop moves it even at rest
     assert online.lines > 1000
     error = np.linalg.norm((x - poses)[:, :3], axis=1)
-    without = np.linalg.norm((visit(h4, true, poses, law)[0] - poses)[:, :3], axis=1)
+    without = np.linalg.norm((visit(h4, true, poses, law).x - poses)[:, :3], axis=1)
     assert np.sqrt(np.nanmean(error[-40:] ** 2)) < 0.25 * np.sqrt(np.nanmean(without[-40:] ** 2))
 
 

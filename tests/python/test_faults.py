@@ -180,14 +180,14 @@ def test_along_a_path_the_faults_clock_runs_on(h4):
 def test_what_is_stuck_stays_stuck_from_pose_to_pose(h4):
     poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [0, 1, 1, -1], [1, 0, 1, 0.5]]
     stuck = Fault("theta", "stuck", at=0.5)
-    x, q_e, status = visit(h4, h4, poses, "joint", faults=[stuck])
+    q_e, _, x, status = visit(h4, h4, poses, "joint", faults=[stuck])
     assert status.tolist() == ["ok"] * 3
     assert (q_e[1:, 4] == q_e[1, 4]).all() and np.ptp(x[:, 3]) > 0.1
 
 
 def test_a_visit_says_where_the_controller_had_no_answer(h4):
     lost = Fault("theta", "dropout", at=0.3, until=0.304)
-    x, q_e, status = visit(h4, h4, np.repeat(MOVE, 2, axis=0), faults=[lost])
+    q_e, _, x, status = visit(h4, h4, np.repeat(MOVE, 2, axis=0), faults=[lost])
     assert status.tolist() == ["no answer in 4 cycles: not finite", "ok"]
     assert np.isfinite(x).all() and np.isfinite(q_e).all()
     assert DynamicPlant(h4, faults=[lost], hold=0.15).visit(

@@ -3,6 +3,7 @@
 import csv
 import itertools
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from fixtures import drawn_poses, refused
 import truepose as tp
 from truepose.calibration import CalibrationOptions
 from truepose.design.candidates import CandidatePoses, drawn, rows_of
-from truepose.design.exchange import Exchange, certified, chosen_of, posterior
+from truepose.design.exchange import Exchange, Objective, posterior
 from truepose.design.poses import Sought
 from truepose.design.tour import tour
 from truepose.design.where import Use
@@ -49,15 +50,14 @@ def test_what_a_candidate_is_worth_is_what_it_changes(problem, sharp, to):
 @pytest.mark.parametrize("n", [1, 3, 5])
 def test_the_set_is_the_best_or_nearly(problem, n):
     C, prior, M = problem
-
-    def cost(G):
-        return float(np.sum(M * (G @ G.T)))
-
-    every = [cost(posterior(prior, C, c)) for c in itertools.combinations(range(len(C)), n)]
-    found = chosen_of(C, prior, n, lambda _: M, cost)
+    goal = Objective()
+    goal.rows, goal.weights = SimpleNamespace(C=C, known=prior), lambda _: M
+    goal.cost = lambda G: float(np.sum(M * (G @ G.T)))
+    every = [goal.cost(goal.after(c)) for c in itertools.combinations(range(len(C)), n)]
+    found = goal.best(n)
     assert len(set(found)) == n
-    assert cost(posterior(prior, C, found)) <= 1.02 * min(every)
-    bound = certified(C, prior, found, lambda _: M, cost)
+    assert goal.cost(goal.after(found)) <= 1.02 * min(every)
+    bound = goal.certified(found)
     assert (n > 1) * 0.5 * min(every) < bound <= min(every) * (1 + 1e-12)
 
 

@@ -103,7 +103,7 @@ def test_the_predicted_error_of_a_law_is_that_of_sampled_robots(name, law, anywh
 def test_the_overview_names_the_best_law_sensors_and_poses(run, h4, referenced):
     home = h4.home if referenced else None
     found = prediction.predict(h4, [["theta"], ["theta", "wire*"]], reference_pose=home)
-    table = prediction.overview(found)
+    table, _ = prediction.overview(found)
     half = np.random.default_rng(0).permutation(found.poses)[:40]
     columns = {"40 poses (mm)": half} | ({"referenced (mm)": None} if referenced else {})
     for record, names in zip(table.records(), (["theta", "wire*"], ["theta"]), strict=True):
@@ -147,7 +147,7 @@ def test_the_map_shows_the_bound(h4):
         (("h4", "--sensors", "tetha"), "unknown sensor 'tetha'; did you mean 'theta'?"),
         (("h4", "--sensors", "theta,theta"), "a sensor is named twice: theta, theta"),
         (("h4", "--reference-pose", "0,0,-0.4"), "must be 4 numbers, x,y,z,theta (m, rad)"),
-        (("h4", "--reference-pose", "0,0,high,0"), "must be numbers separated by commas"),
+        (("h4", "--reference-pose", "0,0,high,0"), "must be 4 numbers, x,y,z,theta (m, rad)"),
         (("h4", "--reference-pose", "0,0,-4,0"), "pose x = [0, 0, -4, 0]: chain 1: unreachable"),
         (("h4", "--level", "real"), "'--level': 'real' is not one of 'ideal', 'full'"),
         (("h4", "--poses", "none.csv"), "none.csv: cannot be read: No such file"),

@@ -139,11 +139,11 @@ def test_a_move_says_which_motor_was_at_its_limit(h4, weak):
     first = int(np.flatnonzero((np.abs(run.torque) == 9).any(axis=0))[0])
     assert run.status == f"saturated: motor {first + 1} was at its torque limit"
     poses = [MOVE_FROM, MOVE_TO, h4.home]
-    x, q_e, status = visit(weak, weak, poses, run=Run(hold=0.5))
+    q_e, _, x, status = visit(weak, weak, poses, run=Run(hold=0.5))
     assert "saturated: motor " in status[1]
     assert np.isfinite(x).all() and np.isfinite(q_e).all()  # it got there all the same
     assert np.abs(run.torque).max() == 9 < np.abs(tp.simulate(h4).torque).max()
-    assert visit(h4, h4, poses, run=Run(hold=0.5))[2].tolist() == ["ok"] * 3
+    assert visit(h4, h4, poses, run=Run(hold=0.5)).status.tolist() == ["ok"] * 3
 
 
 def test_a_move_that_ends_in_a_limit_cycle_says_so(h4):

@@ -9,13 +9,12 @@ from truepose.calibration.bound import accuracy
 from truepose.commands import options
 from truepose.commands.where import ConditionsOption, CriterionOptions, UseOptions, under
 from truepose.design.error_budget import error_budget
-from truepose.design.prediction import Prediction, best, overview, predict
+from truepose.design.prediction import Prediction, overview, predict
 from truepose.logs.reading import read_poses
 from truepose.robot import Axis, coordinate_axes, label, load, summed
 from truepose.robot.maps import workspace_slice
 from truepose.robot.units import Summed
 from truepose.show import Cell, Table, measured, tabled
-from truepose.show.terminal import Format, show
 
 
 def command(
@@ -33,8 +32,7 @@ def command(
     conditions: ConditionsOption = None,
     level: options.ModelLevel = None,
     plot: Path | None = options.plot_option("a map of the first set's position σ"),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Predict which law and sensors make a robot accurate, and after how many calibration poses.
 
@@ -44,7 +42,7 @@ def command(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    write = options.writer([robot, poses], force, plot=plot)
+    output.check([robot, poses], plot=plot)
     loaded = under(load(robot), conditions)
     sets = [options.parse_set(loaded, text) for text in sensors] if sensors else None
     touched = options.parse_pose(loaded, reference_pose, "--reference-pose")
@@ -54,11 +52,11 @@ def command(
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     slice_ = workspace_slice(shown) if plot else shown.home
-    write(plot=lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
-    first = overview(found, level)
-    answers = [*best(first), f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
-    shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first
-    show([first, *shown_tables], how, answers, notes(found), (plot,))
+    output.write(plot=lambda: accuracy(shown, slice_, visited, touched, level, errors="nan").plot())
+    first, answers = overview(found, level)
+    answers += [f"{loaded.name}: {options.over(found.poses, poses, found.left_out)}."]
+    shown_tables = tables(found)[:: -1 if not output.data else 1]  # the calibrated first
+    output.show([first, *shown_tables], answers, notes(found))
 
 
 def notes(found: Prediction) -> list[str]:
@@ -96,8 +94,7 @@ def error_budget_command(
     conditions: ConditionsOption = None,
     criterion: CriterionOptions = CriterionOptions(),
     plot: Path | None = options.plot_option("the contributions"),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Print what each tolerance and each reading contributes to the error of an estimated pose.
 
@@ -107,14 +104,13 @@ def error_budget_command(
     Example: **truepose error-budget h4 --calibrated 20 --plot budget.svg**
     """
     loaded = under(options.load_with(robot, sensors), conditions)
-    inputs = (robot, use.poses, use.calibrated)
-    write = options.writer(inputs, force, plot=plot)
+    output.check([robot, use.poses, use.calibrated], plot=plot)
     found = error_budget(loaded, use.use(loaded), criterion.criterion())
-    write(plot=found.plot)
+    output.write(plot=found.plot)
     total = summed(loaded)
     error, sigma = (measured(value, total.unit) for value in (found.error, found.sigma))
     answer = (
         f"{loaded.name} with {label(loaded, loaded.sensors)}, {found.state}: "
         f"{found.criterion.said(total.name)}: {error}; σ {sigma}; {len(found.over)} poses."
     )
-    show([found.table()], how, [answer], written=(plot,))
+    output.show([found.table()], [answer])

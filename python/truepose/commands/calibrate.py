@@ -20,7 +20,7 @@ from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot import Robot, reading_units, workspace_samples
 from truepose.show import PRINT, Cell, Table, number
-from truepose.show.terminal import Format, progress, say, show
+from truepose.show.terminal import progress, say
 
 #: Steps of the progress bar.
 STEPS = 3 + review.STEPS
@@ -80,8 +80,7 @@ def command(
     distance_sigma: str = Option(
         "0.02mm", help="σ of a distance without a value in the column sigma.", hidden=True
     ),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Identify a robot's geometry from a log of its readings.
 
@@ -93,7 +92,7 @@ def command(
     if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
     inputs = (robot, log, known_pose, distances)
-    write = options.writer(inputs, force, robot=out, report=report, plot=plot)
+    output.check(inputs, robot=out, report=report, plot=plot)
     made = options.load_with(robot, sensors)
     sigma, angle_sigma = options.parse_sigmas(made, measured_sigma, "--measured-sigma")
     units = reading_units(made)[: made.m]
@@ -142,16 +141,16 @@ def command(
             return calibration_figures.page(result, where.name, case.options.loss)
 
         found = result.fit
-        write(robot=lambda: options.file_text(found.robot), report=page, plot=found.plot)
+        output.write(robot=lambda: options.file_text(found.robot), report=page, plot=found.plot)
         done("written")
     for note in result.notes:
         say(f"{where}: {note}", err=True)
     tables = review.tables_of(result)
-    if how is Format.table:  # the report has the change of each parameter, too
+    if not output.data:  # the report has the change of each parameter, too
         few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
         tables.sort(key=lambda table: table.name != "accuracy")
-    show(tables, how, [f"{found.verdicts}."], written=(out, report, plot))
+    output.show(tables, [f"{found.verdicts}."])
 
 
 def _read(
@@ -221,8 +220,7 @@ def zero_command(
     sensors: options.SensorsOption = None,
     columns: options.Columns = None,
     euler: options.Euler = None,
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Identify homing offsets from a known reference posture: a flat foot, a stop.
 
@@ -233,7 +231,7 @@ def zero_command(
 
     Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
-    write = options.writer((log, robot), force, robot=out)
+    output.check([log, robot], robot=out)
     loaded = options.load_with(robot, sensors)
     pose = options.parse_pose(loaded, at, "--at", False)
     units = [unit for _, unit in loaded.coordinates]
@@ -245,8 +243,8 @@ def zero_command(
     found = zero(loaded, table, at=pose, sigma=sizes, lean=leans)
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    write(robot=lambda: options.file_text(found.robot))
-    show([found.table(), known(found)], how, open_questions(found), written=(out,))
+    output.write(robot=lambda: options.file_text(found.robot))
+    output.show([found.table(), known(found)], open_questions(found))
 
 
 def known(found: Zeroing) -> Table:

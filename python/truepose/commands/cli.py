@@ -78,14 +78,16 @@ for _group, _commands in _GROUPS.items():
 app.add_typer(export.app, name="export", rich_help_panel="Robots")
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 for _name, _new in moved.RENAMED.items():
-    app.command(_name, hidden=True, context_settings=_ANYTHING)(moved.renamed(_name, _new))
+    app.command(_name, hidden=True, context_settings=_ANYTHING)(
+        moved.answer(f"truepose {_name}: is called truepose {_new}")
+    )
 _registered = plugins("commands")  # of packages and integrations
 for _path in sorted(_registered.keys() | moved.COMMANDS):
     _under, _, _name = _path.rpartition(".")
     _parent = {"": app, "export": export.app}[_under]
     if _path not in _registered:
-        _absent = moved.answer(_path, moved.COMMANDS[_path])
-        _parent.command(_name, hidden=True, context_settings=_ANYTHING)(_absent)
+        _where = moved.where(f"truepose {_path.replace('.', ' ')}", moved.COMMANDS[_path])
+        _parent.command(_name, hidden=True, context_settings=_ANYTHING)(moved.answer(_where))
         continue
     _loaded = _registered[_path].load()
     _panel = None if _under else _GROUP_OF.get(_name, "Machines")

@@ -20,7 +20,7 @@ from truepose.design.verification import ROBOTS, Verification, verify
 from truepose.exceptions import InputError
 from truepose.robot import Robot, label, load, summed
 from truepose.show import PRINT, Table, measured, number, tabled
-from truepose.show.terminal import Format, progress, say, show
+from truepose.show.terminal import progress, say
 
 #: Options of the selection alone.
 _CHOOSING = {"--price", "--budget", "--target", "--confidence", "--measure", "--survives"}
@@ -66,8 +66,7 @@ def command(
     out: Path | None = Option(None, "-o", "--out", help="With --place: robot file to write."),
     plot: Path | None = options.plot_option("accuracy against price"),
     seed: options.Seed = 0,
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Choose sensors by accuracy and cost.
 
@@ -79,8 +78,7 @@ def command(
     wrong = {"--within", "--out"} if place is None else _CHOOSING
     other = "needs --place" if place is None else "is for sensor selection, not for --place"
     options.refuse(options.given(context), wrong, other)
-    inputs = (robot, use.poses, use.calibrated)
-    write = options.writer(inputs, force, robot=out, plot=plot)
+    output.check([robot, use.poses, use.calibrated], robot=out, plot=plot)
     loaded = under(load(robot), conditions)
     options.tell_exact(loaded, (sensor.name for sensor in loaded.spec.sensor))
     if unused := [group for group, one in loaded.spec.tolerances.items() if one.price_steps]:
@@ -90,13 +88,13 @@ def command(
         there = place_sensors(
             loaded,
             options.parse_set(loaded, place),
-            within=parse_ranges(within or [], "--within", lambda _: "m"),
+            within=parse_ranges(within or [], "--within", {}),
             beside=others,
             use=use.use(loaded),
             seed=seed,
         )
-        write(robot=lambda: options.file_text(there.robot))
-        show([there.table()], how, _placement_notes(there), written=(out,))
+        output.write(robot=lambda: options.file_text(there.robot))
+        output.show([there.table()], _placement_notes(there))
         return
     length, angle = parse_targets(loaded, target)
     with progress("sensors"):
@@ -115,9 +113,9 @@ def command(
     if found.best is not None and robots and not survives and criterion.measure != "RP":
         with progress("robots", robots) as watch:
             told.append(verified(found, verify(found, robots=robots, seed=seed, watch=watch)))
-    write(plot=found.plot)
+    output.write(plot=found.plot)
     steps = [steps_table(found)] if found.steps else []
-    show([found.table(), *steps], how, told, written=(plot,))
+    output.show([found.table(), *steps], told)
 
 
 def parse_targets(robot: Robot, text: str | None) -> tuple[float | None, float | None]:

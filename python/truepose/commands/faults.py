@@ -18,7 +18,6 @@ from truepose.logs.reading import read_poses
 from truepose.robot import Robot, label
 from truepose.robot.workspace import regular_grid
 from truepose.show import PRINT, Cell, Table, measured
-from truepose.show.terminal import Format, show
 
 #: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
@@ -55,8 +54,7 @@ def command(
         show_default=f"one in {HOURS:g} hours at 1 kHz",
     ),
     plot: Path | None = options.plot_option("the limits of each reading"),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Predict which sensor faults are detectable; with a LOG, isolate the faulty reading.
 
@@ -76,13 +74,13 @@ def command(
         options.refuse(given, _PREDICTED, said)
         readings = logs.read(loaded, log, columns).readings
         isolated = isolate(loaded, readings, level, false_alarm=false_alarm)
-        show([isolated.table()], how, verdict(isolated))
+        output.show([isolated.table()], verdict(isolated))
         return
     options.refuse(given, ["--columns"], "only with a LOG: leave out")
     if not loaded.r:
         said = "only with a redundant sensor in use: choose one (--sensors), or leave out"
         options.refuse(given, ["--calibrated", "--plot"], said)
-    write = options.writer([robot, poses], force, plot=plot)
+    output.check([robot, poses], plot=plot)
     allowed = options.effects_of(effects, KNOWN_EFFECTS)
     subject = allowed.allowed_for(loaded)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
@@ -93,14 +91,14 @@ def command(
     # A fault's change of the motors' torques needs dynamics.
     undetected = [undetected_motors(found, at)] if loaded.spec.chain else []
     if not loaded.r:
-        tables = [] if how is Format.table else [found.table()]
-        show([*tables, *undetected], how, [without_sensors(loaded)])
+        tables = [found.table()] if output.data else []
+        output.show([*tables, *undetected], [without_sensors(loaded)])
         return
-    write(plot=found.plot)
+    output.write(plot=found.plot)
     where = f"{options.over(at, poses, left_out)}; {found.state}."
     answer = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}"
     answers = [answer, *map(worst_of, undetected)]
-    show([found.table(), *undetected, *harm(found)], how, answers, list(notes(found)), (plot,))
+    output.show([found.table(), *undetected, *harm(found)], answers, list(notes(found)))
 
 
 def without_sensors(robot: Robot) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from typer import Argument, Option
 
-from truepose import files
+from truepose import files, robotfile
 from truepose.arguments import Array
 from truepose.calibration.online import OnlineCalibrator
 from truepose.commands import options
@@ -64,7 +64,8 @@ def command(
     path = None if source == "-" else Path(source)
     if path is None and end_after is not None:
         raise InputError("--end-after: standard input ends by itself; it is for a file that grows")
-    options.writer((path,), force, robot=out)  # checks -o, which may be the robot itself
+    if out is not None:  # may be the robot itself
+        files.check([robotfile.output(out, "-o")], options.paths([path]), force)
     made = options.load_with(robot, sensors)
     online = OnlineCalibrator(made, follow=True)
     told, stopped = 0, None

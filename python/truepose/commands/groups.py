@@ -13,7 +13,6 @@ from typer import Context, Option
 
 from truepose.commands import options
 from truepose.exceptions import InputError
-from truepose.show.terminal import limit
 
 
 def _point(text: str, option: str) -> tuple[float, ...]:
@@ -48,12 +47,11 @@ def _all_help(context: Context, wanted: bool) -> None:
         raise typer.Exit
 
 
-#: Options of commands with a second page of help, and of those that print tables.
+#: Option of commands with a second page of help.
 _HELP_ALL = Annotated[
     bool,
     Option("--help-all", callback=_all_help, is_eager=True, help="Show every option, and exit."),
 ]
-_ALL = Annotated[bool, Option("--all", help="Print all tables, not the first screen.")]
 
 
 def _keyword(name: str, default: Any, annotation: Any) -> inspect.Parameter:
@@ -75,7 +73,7 @@ def _option(of: Field, hint: Any, default: Any, text: str, hidden: bool) -> insp
 
 
 def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command an option for each field of its option groups, and --all if it has tables.
+    """Give a command an option for each field of its option groups.
 
     A parameter is a group if its default is a dataclass. Fields that are typer's options stay as
     they are. Others have their names, types and descriptions; `metadata` has "text", a key of
@@ -103,16 +101,12 @@ def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
             paged |= (hidden := of.name not in first)
             text = _described(type(group))[of.name]
             made.append(_option(of, hint, default, text, hidden))
-    if limited := "how" in signature.parameters:
-        made.append(_keyword("everything", False, _ALL))
     if paged:
         made.append(_keyword("help_all", False, _HELP_ALL))
 
     @functools.wraps(command)
     def call(**given: Any) -> Any:
         given.pop("help_all", None)
-        if limited:
-            limit(given.pop("everything"))
         for name, (group, own) in groups.items():
             values = {key: given.pop(key) for key in own}
             given[name] = replace(group, **{k: v for k, v in values.items() if v is not None})

@@ -12,7 +12,6 @@ from truepose.robot import Robot, load, reading_units
 from truepose.robot.maps import condition_map, draw_map
 from truepose.robot.workspace import LENGTH, Figures, Speed, measure, told, workspace
 from truepose.show import PRINT, Cell, Table, figure_of, printed
-from truepose.show.terminal import Format, show
 
 
 def command(
@@ -20,20 +19,19 @@ def command(
     plot: Path | None = options.plot_option("the conditioning map"),
     samples: int = Option(100_000, min=1, max=10_000_000, help="Poses sampled from the workspace."),
     seed: options.Seed = 0,
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Print a robot's degrees of freedom, reach, conditioning and motor speeds.
 
     Example: **truepose info hexa --plot hexa.png**
     """
-    write = options.writer([robot], force, plot=plot)
+    output.check([robot], plot=plot)
     loaded = load(robot)
     measured = measure(loaded, samples, seed)
-    write(plot=lambda: figure_of(lambda figure: draw(figure, loaded)))
+    output.write(plot=lambda: figure_of(lambda figure: draw(figure, loaded)))
     title = loaded.spec.title or loaded.name
     table = Table("info", title, ["figure", "value"], rows(loaded, measured))
-    show([table], how, written=(plot,))
+    output.show([table])
 
 
 def draw(figure: Any, robot: Robot) -> None:

@@ -13,7 +13,6 @@ from truepose.control.margins import StabilityMargins, draw, stability_margins
 from truepose.exceptions import InputError, choose
 from truepose.robot import LAWS, Law, Robot
 from truepose.show import PRINT, Table, figure_of, tabled
-from truepose.show.terminal import Format, show
 
 _FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
 
@@ -40,8 +39,7 @@ def command(
         show_default="the fastest with 6 dB, 30° and two cycles",
     ),
     plot: Path | None = options.plot_option("each law's loop"),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Compute stability margins, and choose gains that keep the required ones.
 
@@ -51,7 +49,7 @@ def command(
     Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
     **truepose margins h4 --law tej --gains 40,300**
     """
-    write = options.writer([robot], force, plot=plot)
+    output.check([robot], plot=plot)
     positive("--rate", rate)
     loaded = options.load_with(robot, sensors)
     forgotten = options.effects_of(effects)
@@ -64,7 +62,7 @@ def command(
             refused.append(error)
     if not found:
         raise refused[0]
-    write(plot=lambda: figure_of(lambda figure: draw(figure, found)))
+    output.write(plot=lambda: figure_of(lambda figure: draw(figure, found)))
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)
@@ -72,7 +70,7 @@ def command(
     where += f" ({names}; {units})" * (poses > 1)
     least = f"{loaded.name} at {rate:g} Hz, effects {effects}: smallest over {where}."
     tables = [chosen(found), *(each.table() for each in found)]
-    show(tables, how, [least, *refused], notes(found), (plot,))
+    output.show(tables, [least, *refused], notes(found))
 
 
 def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:

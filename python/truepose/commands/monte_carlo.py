@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from typer import Argument, Option
 
-from truepose import files, logs
+from truepose import logs
 from truepose.arguments import finite_rows
 from truepose.commands import options
 from truepose.exceptions import InputError
-from truepose.files import Output, mark
+from truepose.files import mark
 from truepose.robot import Robot, in_print, knowledge, list_robots, load, summed
 from truepose.show import Table, fixed, named, tabled
-from truepose.show.terminal import Format, progress, say, show
+from truepose.show.terminal import Printing, progress, say
 from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
@@ -49,8 +49,7 @@ def simulate_log_command(
     effects: str = options.effects_option(
         "quantization", f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
     ),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Simulate a calibration log of a robot sampled from the file's tolerances.
 
@@ -72,11 +71,10 @@ def simulate_log_command(
             f"{result.nees:.1f}; if that is correct, {low:.0f} to {high:.0f} in 95 % of "
             "calibrations.",
         )
-        show([_poses(drawn, result), _parameters(drawn, result)], how, said)
+        output.show([_poses(drawn, result), _parameters(drawn, result)], said)
         return
-    drawn, read = options.load_with(robot, sensors), options.paths([robot])
-    outputs = [logs.writing.check(out, read, force), Output(kept, "true robot", "--truth")]
-    files.check(outputs, read, force)
+    drawn = options.load_with(robot, sensors)
+    output.check([robot], log=out, truth=kept)
     ran = simulate_log(
         drawn,
         options.true_robot(drawn, "sampled", seed),
@@ -86,19 +84,16 @@ def simulate_log_command(
         tracker=not drawn.sensors if tracker is None else tracker,
     )
     text = f"# {mark('true robot')}, sampled with seed {seed}\n{options.file_text(ran.truth)}"
-    log = logs.writing.encoded(out, _columns(ran))
-    files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
+    output.write(log=lambda: _columns(ran), truth=lambda: text)
     calibrated, names = out.with_suffix(".calibrated.toml"), drawn.sensors
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
     where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
-    if how is not Format.table:
-        show([], how)  # what it writes is in files
-    options.wrote(how, out, kept)
+    output.show([])  # what it writes is in files
     for when, *words in (
         ("Next", "calibrate", robot, out, *chosen, "-o", calibrated),
         ("Then", "simulate-log", robot, *where, "--found", calibrated),
     ):
-        say(f"{when}: {shlex.join(['truepose', *map(str, words)])}", how)
+        say(f"{when}: {shlex.join(['truepose', *map(str, words)])}", output.how)
 
 
 def _columns(ran: SimulatedLog) -> list[logs.writing.Column]:
@@ -187,7 +182,7 @@ def study_command(
         None, min=0, help="Processes; 0: only this one.", show_default="all cores"
     ),
     cluster: str | None = Option(None, help="Address of a dask scheduler: tcp://host:8786."),
-    how: options.How = Format.table,
+    output: Printing = Printing(),
 ) -> None:
     """Evaluate a function over many robots sampled from their tolerances.
 
@@ -214,12 +209,12 @@ def study_command(
             cluster=cluster,
             progress=lambda done, total: bar(completed=done, total=total),
         )
-    show([found.table()], how, [MEANING[function]] if function in MEANING else [])
+    output.show([found.table()], [MEANING[function]] if function in MEANING else [])
     if missing := int(found.unanswered.sum()):
         said = [*found.columns["error"][found.failed], "a result is not finite (NaN)"]
         say(f"{missing} of {len(found)} cases had no answer; the first: {said[0]}", err=True)
     if out:
-        say(f"Kept in {out}", how)
+        say(f"Kept in {out}", output.how)
 
 
 def _values(text: str) -> tuple[str, list[float | int | str]]:

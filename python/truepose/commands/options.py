@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,11 +17,12 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.disturbance import Disturbance
 from truepose.faults.fault import FAULT_KINDS, Fault
+from truepose.logs import writing
 from truepose.robot import Robot, list_robots, load, summed
 from truepose.robot.assumptions import exact_readings, told_exact
 from truepose.robotfile import path_of, to_toml
 from truepose.show import terminal
-from truepose.show.terminal import Format, say
+from truepose.show.terminal import Printing, say
 from truepose.show.units import WRITTEN
 
 if TYPE_CHECKING:
@@ -104,9 +106,6 @@ Lean = Annotated[
 ]
 wrote = terminal.wrote
 Force = Annotated[bool, Option("--force", help="Replace an existing file.")]
-How = Annotated[
-    Format, Option("--format", help="csv and json: data only, in mm and degrees, with all digits.")
-]
 
 
 def plot_option(what: str, hidden: bool = False) -> Any:
@@ -170,39 +169,47 @@ def refuse(given: Sequence[str], wrong: Collection[str], why: str) -> None:
         raise InputError(f"{', '.join(extra)}: {why}")
 
 
-#: Kind of file and option, by the keyword of :func:`writer`.
+#: Kind of file and option, by the keyword of :meth:`Output.check`.
 _OUTPUTS = {
+    "log": ("log", ""),
     "plot": ("picture", "--plot"),
     "report": ("report", "--report"),
     "plan": ("plan", "-o"),
     "robot": ("robot file", "-o"),
+    "truth": ("true robot", "--truth"),
 }
 
 
-def writer(
-    inputs: Iterable[str | Path | None], force: bool, **outputs: Path | None
-) -> Callable[..., None]:
-    """Check that files may be written; return a function that writes them.
+@dataclass(kw_only=True)
+class Output(Printing):
+    """Options of a command that prints tables and writes files."""
 
-    Its keywords are the same, each with a function that returns a text or a figure; it is called
-    where a path was given.
-    """
-    read = paths(inputs)
-    asked = {k: files.Output(path, *_OUTPUTS[k]) for k, path in outputs.items() if path is not None}
-    files.check(asked.values(), read, force)
+    force: Force = False
 
-    def write(**contents: Callable[[], str | Figure]) -> None:
-        made = {asked[key]: make() for key, make in contents.items() if key in asked}
-        files.write(
-            {
-                output: one if isinstance(one, str) else files.picture(one, output.path.suffix)
-                for output, one in made.items()
-            },
-            read,
-            force,
-        )
+    def check(self, inputs: Iterable[str | Path | None], **outputs: Path | None) -> None:
+        """Check that files may be written."""
+        self._read = paths(inputs)
+        self._asked = {
+            key: files.Output(path, *_OUTPUTS[key])
+            for key, path in outputs.items()
+            if path is not None
+        }
+        files.check(self._asked.values(), self._read, self.force)
+        if log := outputs.get("log"):
+            writing.require_ending(log)
 
-    return write
+    def write(self, **contents: Callable[[], str | list[writing.Column] | Figure]) -> None:
+        """Write the files that :meth:`check` has a path of, each by its function."""
+        made = {self._asked[key]: make() for key, make in contents.items() if key in self._asked}
+        encoded = {output: _encoded(one, output.path) for output, one in made.items()}
+        files.write(encoded, self._read, self.force)
+        self.written = [output.path for output in made]
+
+
+def _encoded(contents: str | list[writing.Column] | Figure, path: Path) -> str | bytes:
+    if isinstance(contents, list):
+        return writing.encoded(path, contents)
+    return contents if isinstance(contents, str) else files.picture(contents, path.suffix)
 
 
 def file_text(robot: Robot) -> str:
@@ -264,8 +271,6 @@ def parse_pose(robot: Robot, text: str | None, name: str, reached: bool = True) 
     if text is None:
         return None
     pose = numbers_of(text)
-    if np.isnan(pose).any():
-        raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad")
     if len(pose) != robot.n or not np.isfinite(pose).all():
         names = ",".join(c for c, _ in robot.coordinates)
         raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")

@@ -18,7 +18,7 @@ from truepose.exceptions import InputError
 from truepose.logs.reading import read_poses
 from truepose.robot import Robot, summed
 from truepose.show import as_csv, measured, number, printed
-from truepose.show.terminal import Format, progress, show
+from truepose.show.terminal import progress
 
 
 def command(
@@ -55,8 +55,7 @@ def command(
     out: Path | None = Option(None, "-o", "--out", help="Poses to write, in tour order (CSV)."),
     plot: Path | None = options.plot_option("predictions and the tour"),
     seed: options.Seed = 0,
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Plan calibration poses by their marginal gain in accuracy.
 
@@ -68,7 +67,7 @@ def command(
     if seen and outside is None:
         raise InputError("--seen: needs --outside, the σ of the tracker")
     given = options.count_or_file(candidates, "--candidates", SAMPLED)
-    write = options.writer((robot, after, where.poses, candidates), force, plan=out, plot=plot)
+    output.check([robot, after, where.poses, candidates], plan=out, plot=plot)
     loaded = under(options.load_with(robot, sensors), conditions)
     length, angle = options.parse_sigmas(loaded, outside, "--outside")
     x = given if isinstance(given, int) else read_poses(loaded, given)
@@ -87,12 +86,11 @@ def command(
         )
     said = notes(found)
     if found.steps or out is None:
-        write(plan=lambda: written(found), plot=found.plot)
+        output.write(plan=lambda: written(found), plot=found.plot)
     else:
-        write(plot=found.plot)
+        output.write(plot=found.plot)
         said.append(f"{out}: not written: the plan has no poses")
-        out = None
-    show([found.table()], how, said, written=(out, plot))
+    output.show([found.table()], said)
 
 
 def fit_of(robot: Robot, path: Path) -> Calibration:

@@ -26,10 +26,10 @@ from truepose.robot.workspace import reach, told
 from truepose.robotfile import reading, toml_lines
 from truepose.robotfile.base import Problem
 from truepose.show import Cell, Table, printed
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Printing, say
 
 
-def list_command(how: options.How = Format.table) -> None:
+def list_command(output: Printing = Printing()) -> None:
     """List the shipped robots: description, freedoms, motors, sensors and levels.
 
     Every command takes these names in place of a file. **truepose info** prints details of a robot;
@@ -39,7 +39,7 @@ def list_command(how: options.How = Format.table) -> None:
     """
     header = ["robot", "description", "freedoms", "motors", "sensors in use", "further sensors"]
     rows = [_row(name, load(name)) for name in list_robots()]
-    show([Table("robots", "Shipped robots", [*header, "full level"], rows)], how)
+    output.show([Table("robots", "Shipped robots", [*header, "full level"], rows)])
 
 
 def _row(name: str, robot: Robot) -> list[str]:
@@ -111,7 +111,7 @@ GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 
 
 def check_command(
-    file: Path = Argument(help="A robot file (TOML)."), how: options.How = Format.table
+    file: Path = Argument(help="A robot file (TOML)."), output: Printing = Printing()
 ) -> None:
     """Check a robot file, and print what it assumes.
 
@@ -127,30 +127,22 @@ def check_command(
     verdict = "refused"
     if robot is not None:
         doubts, tables = warnings(robot), [assumptions.table(robot)]
-        lines = [("fact", fact) for fact in [_summary(robot), *remarks(robot)]]
+        lines = [("fact", fact) for fact in remarks(robot)]
         lines += [("warning", doubt) for doubt in doubts]
         verdict = f"usable, {len(doubts)} warning{'s' * (len(doubts) > 1)}" if doubts else "ok"
-    if how is not Format.table:
+    if output.data:
         rows = [*lines, ("verdict", verdict)]
-        show([Table("check", str(file), ["kind", "text"], rows), *tables], how)
+        output.show([Table("check", str(file), ["kind", "text"], rows), *tables])
     for kind, text in lines:
         if kind == "error":
             say(text, err=True)
         else:
-            say(f"{file}: {'warning: ' * (kind == 'warning')}{text}", how)
+            say(f"{file}: {'warning: ' * (kind == 'warning')}{text}", output.how)
     if robot is None:
         raise typer.Exit(2)
-    if how is Format.table and tables[0].rows:
-        show(tables)
-    say(f"{file}: {verdict}", how)
-
-
-def _summary(robot: Robot) -> str:
-    sensors = ", ".join(robot.sensors) or "none"
-    return (
-        f"{robot.name}, n = {robot.n} freedoms, m = {robot.m} motors, r = {robot.r} "
-        f"sensors in use ({sensors}), {len(robot.parameters)} parameters"
-    )
+    if not output.data and tables[0].rows:
+        output.show(tables)
+    say(f"{file}: {verdict}", output.how)
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:
@@ -169,11 +161,16 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
 
 
 def remarks(robot: Robot) -> list[str]:
-    """Return facts, one line each: readings at home, workspace, parameters taken as exact."""
+    """Return facts, one line each: sizes, readings at home, workspace, exact parameters."""
     units = reading_units(robot)
     at_home = zip(robot.readings, robot.extended_positions(robot.home), units, strict=True)
     readings = ", ".join(f"{name} = {printed(r, unit)}" for name, r, unit in at_home)
-    lines = [f"readings at home: {readings}"]
+    sensors = ", ".join(robot.sensors) or "none"
+    lines = [
+        f"{robot.name}, n = {robot.n} freedoms, m = {robot.m} motors, r = {robot.r} "
+        f"sensors in use ({sensors}), {len(robot.parameters)} parameters",
+        f"readings at home: {readings}",
+    ]
     if robot.loose:
         lines.append(
             "legs: each is a single rod; the model assumes that other parts constrain the "

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from typer import Context, Option
 
-from truepose import files, logs, moved
+from truepose import logs, moved
 from truepose.arguments import Array, finite_rows
 from truepose.commands import options
 from truepose.control.controller import Controller
@@ -18,11 +18,10 @@ from truepose.faults.monitor import FaultMonitor
 from truepose.logs.reading import read_poses, read_samples
 from truepose.plugins import plugins
 from truepose.robot import Law, Robot, laws
-from truepose.robot.frames import frames
 from truepose.show import Cell, Table, figure_of, tabled
-from truepose.show.terminal import Format, progress, show
+from truepose.show.terminal import progress
 from truepose.simulation.figures import draw_errors, error_table
-from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints, default_move
+from truepose.simulation.paths import MOVE_DURATION, Circle, SampledPath, Waypoints
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.dynamic import visit
 from truepose.simulation.preparation import controller_of, require_within
@@ -106,8 +105,7 @@ def command(
     since: float = Option(0.0, help="Time since switch-on of the cold robot, s (warm-up)."),
     out: Path | None = Option(None, "-o", "--out", help="Log to write: .csv, .parquet or .mcap."),
     plot: Path | None = options.plot_option("the errors"),
-    how: options.How = Format.table,
-    force: options.Force = False,
+    output: options.Output = options.Output(),
 ) -> None:
     """Simulate a robot with geometric errors under a controller; print its pose errors.
 
@@ -123,8 +121,7 @@ def command(
         raise InputError(moved.where("--start-test: truepose start-test ROBOT", "safety"))
     given = options.given(context)
     read = [robot, path, way_points, None if true in ("sampled", "nominal") else true]
-    write = options.writer(read, force, plot=plot)
-    log = None if out is None else logs.writing.check(out, options.paths(read), force)
+    output.check(read, log=out, plot=plot)
     believed = options.load_with(robot, sensors)
     truth = options.true_robot(believed, true, seed)
     faults, disturbances = options.faults_of(fault), options.disturbances_of(disturbance)
@@ -170,23 +167,23 @@ def command(
                 tables += [limits.table(), limits.stops()]
         else:
             require_within(faults, len(motion) * (run.duration + run.hold))
-            x, q_e, reasons = visit(
+            ran = came = visit(
                 believed, truth, motion, controller, forgotten, faults, watching, run
             )
-            ran, status = Visit(q_e, frames(truth, x), x, reasons), _reached(x, reasons)
-            if not np.isfinite(x).any():
+            status = _reached(came.x, came.status)
+            if not np.isfinite(came.x).any():
                 raise PoseError(f"{believed.name}: {status}")
-            over, error = np.arange(len(motion)), x - motion
+            over, error = np.arange(len(motion)), came.x - motion
             tables, torque = [error_table(believed, error)], None
-    write(plot=lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)))
-    if log is not None:
-        text = logs.writing.encoded(log.path, logs.columns(ran, truth))
-        files.write({log: text}, options.paths(read), force)
+    output.write(
+        log=lambda: logs.columns(ran, truth),
+        plot=lambda: figure_of(lambda figure: draw_errors(figure, believed, over, error, torque)),
+    )
     wrong = [f"faults {', '.join(map(str, faults))}"] if faults else []
     who = f"true robot {f'sampled with seed {seed}' if true == 'sampled' else true}"
     who = ", ".join([who, *wrong, *map(str, disturbances)])
     answer = f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {status}"
-    show(tables, how, [answer], written=(out, plot))
+    output.show(tables, [answer])
 
 
 def _plugin(name: str, what: str) -> Any:
@@ -245,9 +242,6 @@ def _asked(
         made = Circle(centre=centre, radius=radius, frequency=frequency, turns=turns)
     if made is not None and duration is not None:
         raise InputError("--duration: --circle and a --path with times have their own: leave out")
-    if made is None and (first is None or last is None):
-        usual = default_move(robot)
-        first, last = usual[0] if first is None else first, usual[1] if last is None else last
     return made, first if made is None else None, last
 
 

@@ -1,6 +1,6 @@
 """Options of predictions: where accuracy counts, conditions, what is done before, the criterion."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -100,13 +100,7 @@ class Where:
             raise InputError("--poses, --volume: name one of them")
         if self.volume is not None:
             units = dict(robot.coordinates)
-
-            def unit_of(name: str) -> str:
-                if name not in units:
-                    raise InputError(f"--volume: {choose('coordinate', name, units)}")
-                return units[name]
-
-            return volume_poses(robot, parse_ranges(self.volume.split(","), "--volume", unit_of))
+            return volume_poses(robot, parse_ranges(self.volume.split(","), "--volume", units))
         return None if self.poses is None else read_poses(robot, self.poses, reached=True)
 
 
@@ -157,13 +151,13 @@ class CriterionOptions:
 
 
 def parse_ranges(
-    texts: Sequence[str], option: str, unit_of: Callable[[str], str]
+    texts: Sequence[str], option: str, units: Mapping[str, str]
 ) -> dict[str, tuple[float, float]]:
-    """Parse ranges of coordinates, NAME=LOW..HIGH; `unit_of` gives the unit of each."""
+    """Parse ranges of coordinates, NAME=LOW..HIGH, with units by name; m without one."""
     result: dict[str, tuple[float, float]] = {}
     for text in texts:
         name, _, box = text.partition("=")
-        unit = unit_of(name.strip())
+        unit = units.get(name.strip(), "m")
         ends = map(options.with_unit, box.partition("..")[::2])
         low, high = (
             factor * options.number_of(number) if of in ("", unit) else np.nan

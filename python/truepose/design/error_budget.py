@@ -122,13 +122,13 @@ def error_budget(robot: Robot, use: Use = AS_BUILT, criterion: Criterion = USUAL
         own = np.array([source == key for source, _, _ in sources])
         variance = float(variances[own].sum())
         if variance > 0:
-            halved = model.squared(by, scale=np.where(own, 0.5, 1.0)) ** 0.5
+            halved = max(model.each(by, scale=np.where(own, 0.5, 1.0))) ** 0.5
             acting = zip(sources, own & (variances > 0), strict=True)
             stated = {(sigma, unit) for (_, sigma, unit), acts in acting if acts}
             sigma, unit = stated.pop() if len(stated) == 1 else (None, "")
             found.append(Contribution(key, sigma, unit, variance**0.5, variance / whole, halved))
     found.sort(key=lambda one: -one.share)
-    error = model.squared(by) ** 0.5
+    error = max(model.each(by)) ** 0.5
     return ErrorBudget(robot, use.state, by, error, whole**0.5, found, over)
 
 

@@ -8,13 +8,13 @@ Measurement c is ``y = C_c u + ε`` with unknowns u and ε of unit variance. The
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.design.candidates import Rows
 
 #: Largest number of rounds of exchanges and of weight updates; two or three usually suffice.
 ROUNDS = 8
@@ -71,68 +71,78 @@ class Exchange:
         return self
 
 
-def certified(
-    C: Array,
-    information: Array,
-    chosen: Sequence[int],
-    weights: Callable[[Array], Array],
-    cost: Callable[[Array], float],
-) -> float:
-    """Return a lower bound of the `cost` of any set with as many candidates as `chosen`.
+class Objective:
+    """A cost of the posterior covariance Σ = G Gᵀ, to choose candidates by.
 
-    The cost is convex in shares 0 ≤ w ≤ 1 of the candidates' information, Σ w = n: with their
-    gradient g at any w no set costs less than f(w) - g·w and the n smallest g together. Frank-Wolfe
-    steps from the chosen set tighten it.
+    The cost is the minimum of tr(M Σ) + constant over the M of `weights`, because an estimate
+    chooses its own gains: it only falls when M is updated after a round of exchanges.
     """
-    n, w, floor = len(chosen), np.zeros(len(C)), 0.0
-    w[list(chosen)] = 1.0
-    if not n:
-        return cost(posterior(information, C, ()))
 
-    def root(w: Array) -> Array:
-        own = np.flatnonzero(w > 0)
-        return posterior(information, np.sqrt(w[own])[:, None, None] * C[own], range(len(own)))
+    rows: Rows  #: of the N candidates
 
-    for k in range(TIGHTENED):
-        G = root(w)
-        A = (C @ (G @ G.T)).reshape(-1, C.shape[-1])
-        g = -((A @ weights(G)) * A).sum(axis=1).reshape(len(C), -1).sum(axis=1)
-        value, least = cost(G), np.argpartition(g, n - 1)[:n]
-        floor = max(floor, value + g[least].sum() - g @ w)
-        if floor >= (1 - CLOSE) * value:
-            break
-        step = -w
-        step[least] += 1.0
-        w += step / (k + 3)
-    return floor
+    def weights(self, G: Array) -> Array:
+        """Return the M of the optimal gains for a Σ."""
+        raise NotImplementedError
 
+    def cost(self, G: Array) -> float:
+        """Return the cost of a Σ."""
+        raise NotImplementedError
 
-def chosen_of(
-    C: Array,
-    information: Array,
-    n: int,
-    weights: Callable[[Array], Array],
-    cost: Callable[[Array], float],
-) -> list[int]:
-    """Return n of N candidates with a small `cost`, a function of Σ's root, in order of gain."""
-    # The cost is the minimum of tr(M Σ) + constant over the M of `weights`, because an estimate
-    # chooses its own gains: it only falls when M is updated after a round of exchanges.
-    left = functools.partial(posterior, information, C)
-    best = Exchange(C, information, weights(left([]))).grow(n).chosen
-    least = cost(left(best))
-    begin: list[int] = []
-    for _ in range(ROUNDS):
-        M = weights(left(best))
-        pick = Exchange(C, information, M, list(begin)).grow(n)
-        few = min(max(PER_CHOSEN * n, AT_LEAST), len(C) - n)
-        short = [*pick.chosen, *np.argsort(-pick.worth()[0])[:few].tolist()]
-        pick = Exchange(C[short], information, M, list(range(n))).settle()
-        found = [short[k] for k in pick.chosen]
-        gained = least - cost(left(found))
-        if gained > 0:
-            best, least = found, least - gained
-        if begin and gained <= 1e-3 * least:
-            break
-        begin = best
-    order = Exchange(C[best], information, weights(left(best))).grow(n).chosen
-    return [best[k] for k in order]
+    def after(self, measured: Iterable[int]) -> Array:
+        """Return the root G after these candidates."""
+        return posterior(self.rows.known, self.rows.C, measured)
+
+    def exchange(self, at: Iterable[int], begin: Iterable[int] = ()) -> Exchange:
+        """Return exchanges with the weights after the candidates `at`."""
+        return Exchange(self.rows.C, self.rows.known, self.weights(self.after(at)), list(begin))
+
+    def in_order(self, chosen: Sequence[int]) -> list[int]:
+        """Return these candidates, the one with the largest gain first."""
+        pick = replace(self.exchange(chosen), C=self.rows.C[list(chosen)])
+        return [chosen[k] for k in pick.grow(len(chosen)).chosen]
+
+    def best(self, n: int) -> list[int]:
+        """Return n of N candidates with a small cost, in order of gain."""
+        best = self.exchange([]).grow(n).chosen
+        least = self.cost(self.after(best))
+        begin: list[int] = []
+        for _ in range(ROUNDS):
+            pick = self.exchange(best, begin).grow(n)
+            few = min(max(PER_CHOSEN * n, AT_LEAST), len(self.rows.C) - n)
+            short = [*pick.chosen, *np.argsort(-pick.worth()[0])[:few].tolist()]
+            pick = replace(pick, C=self.rows.C[short], chosen=list(range(n))).settle()
+            found = [short[k] for k in pick.chosen]
+            gained = least - self.cost(self.after(found))
+            if gained > 0:
+                best, least = found, least - gained
+            if begin and gained <= 1e-3 * least:
+                break
+            begin = best
+        return self.in_order(best)
+
+    def certified(self, chosen: Sequence[int]) -> float:
+        """Return a lower bound of the cost of any set with as many candidates as `chosen`.
+
+        The cost is convex in shares 0 ≤ w ≤ 1 of the candidates' information, Σ w = n: with their
+        gradient g at any w no set costs less than f(w) - g·w and the n smallest g together.
+        Frank-Wolfe steps from the chosen set tighten it.
+        """
+        C, n, floor = self.rows.C, len(chosen), 0.0
+        w = np.zeros(len(C))
+        w[list(chosen)] = 1.0
+        if not n:
+            return self.cost(self.after(()))
+        for k in range(TIGHTENED):
+            own = np.flatnonzero(w > 0)
+            shares = np.sqrt(w[own])[:, None, None] * C[own]
+            G = posterior(self.rows.known, shares, range(len(own)))
+            A = (C @ (G @ G.T)).reshape(-1, C.shape[-1])
+            g = -((A @ self.weights(G)) * A).sum(axis=1).reshape(len(C), -1).sum(axis=1)
+            value, least = self.cost(G), np.argpartition(g, n - 1)[:n]
+            floor = max(floor, value + g[least].sum() - g @ w)
+            if floor >= (1 - CLOSE) * value:
+                break
+            step = -w
+            step[least] += 1.0
+            w += step / (k + 3)
+        return floor

@@ -145,9 +145,3 @@ class LinearErrors:
         return [
             by.squared(L[:, p], N[:, p, p], U[:, p], noisy[:, p, p]) for p in self._parts.slices
         ]
-
-    def squared(
-        self, by: Criterion, chosen: Sequence[int] | None = None, scale: Array | None = None
-    ) -> float:
-        """Return the larger one of :meth:`each`."""
-        return max(self.each(by, chosen, scale))

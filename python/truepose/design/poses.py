@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -16,7 +15,7 @@ from truepose.calibration.fit import Calibration
 from truepose.calibration.options import CalibrationOptions
 from truepose.calibration.registration import UNKNOWNS
 from truepose.design.candidates import COUNT, CandidatePoses, Rows, drawn, given_poses, rows_of
-from truepose.design.exchange import Exchange, certified, chosen_of, posterior
+from truepose.design.exchange import Objective
 from truepose.design.linear import gains, rows_at
 from truepose.design.pose_plan import PosePlan
 from truepose.design.refining import refined
@@ -149,16 +148,15 @@ def plan_poses(
         rows, found = _refined(sought, choice, measured)
         while target is not None and len(choice) > 1:  # fewer may do, refined
             sought.rows = coarse
-            choice = _best(sought, len(choice) - 1)
+            choice = sought.best(len(choice) - 1)
             fewer = _refined(sought, choice, measured)
             if sought.left(fewer[1]) > target:
                 sought.rows = rows
                 break
             rows, found = fewer
-    rng, asked = np.random.default_rng(seed), (rows.C, rows.known)
+    rng = np.random.default_rng(seed)
     more = min(len(found) + MORE, len(rows.steps))
-    weights = sought.weights(sought.after(found))
-    longer = Exchange(*asked, weights, list(found)).grow(more).chosen
+    longer = sought.exchange(found, found).grow(more).chosen
     sets = [rng.permutation(among)[: len(found)].tolist() for _ in range(RANDOM)]
     return PosePlan(
         robot=robot,
@@ -196,15 +194,14 @@ def _refined(
     before, sought.rows = sought.left(found), more
     if sought.left(own) >= before:
         return more, found
-    order = Exchange(more.C[own], more.known, sought.weights(sought.after(own))).grow(len(own))
-    return more, [own[k] for k in order.chosen]
+    return more, sought.in_order(own)
 
 
 def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     """Return the candidates to measure; with a target no more than it needs."""
-    robot, C, left = sought.robot, sought.rows.C, sought.left
-    count = len(C)
-    if not np.any(C):
+    robot, best, left = sought.robot, sought.best, sought.left
+    count = len(sought.rows.C)
+    if not np.any(sought.rows.C):
         raise InputError(
             f"{robot.name}: candidates: none identifies a parameter: add a redundant "
             "sensor, an external measurement or a difference; sensors of its "
@@ -212,8 +209,6 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
         )
     if n is not None and n > count:
         raise InputError(f"count = {n}: only {count} candidates are reachable")
-
-    best = functools.partial(_best, sought)
     if target is None:
         return best(min(n or 30, count))
     if left([]) <= target:
@@ -233,13 +228,8 @@ def _chosen(sought: Sought, n: int | None, target: float | None) -> list[int]:
     return found
 
 
-def _best(sought: Sought, size: int) -> list[int]:
-    """Return this number of candidates."""
-    return chosen_of(sought.rows.C, sought.rows.known, size, sought.weights, sought.cost)
-
-
 @dataclass(eq=False)
-class Sought:
+class Sought(Objective):
     """The requested accuracy as a function of the posterior covariance Σ = G Gᵀ."""
 
     robot: Robot
@@ -268,10 +258,6 @@ class Sought:
         K = gains(self._H, self._B @ G)
         return K @ self._B, K
 
-    def after(self, measured: Iterable[int]) -> Array:
-        """Return the root G after these candidates."""
-        return posterior(self.rows.known, self.rows.C, measured)
-
     def left(self, measured: Iterable[int]) -> float:
         """Return σ of the position after these candidates."""
         return float(self.sigma(self.after(measured))[-1])
@@ -291,8 +277,7 @@ class Sought:
         """Return σ of the position that no as many candidates undercut; NaN: not known."""
         if type(self) is not Sought:  # the cost of the others is not convex
             return np.nan
-        rows = self.rows
-        return float(certified(rows.C, rows.known, measured, self.weights, self.cost) ** 0.5)
+        return float(self.certified(measured) ** 0.5)
 
     def weights(self, G: Array) -> Array:
         """Return M of the optimal gains for a Σ: tr(M Σ) is the variance due to the unknowns."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -97,56 +96,55 @@ def steady_state_error(robot: Robot, poses: Array, law: str, level: Level | None
     return float(np.sqrt(np.nanmean((roots[:, summed(robot).columns] ** 2).sum(axis=(1, 2)))))
 
 
-def overview(found: Prediction, level: Level | None = None) -> Table:
+def overview(found: Prediction, level: Level | None = None) -> tuple[Table, list[str]]:
     """Compare laws as built and self-calibration on few random poses: the position's rms error.
 
-    With a reference pose also the bound of a referenced robot, and these self-calibrated.
+    With a reference pose also the bound of a referenced robot, and these self-calibrated. Returns
+    also notes: the best law and sensors, as built and calibrated.
     """
-    robots = [found.robot.with_sensors(*names) for names in found.sets]
-    chosen = np.random.default_rng(0).permutation(found.poses)
-    total, rows = summed(found.robot), []
-    sizes = [n for n in POSES if n <= len(chosen)]
-    touched = found.reference_pose
-    columns = [*LAWS, *[REFERENCED] * (touched is not None), *(f"{n} poses" for n in sizes)]
-    for names, r in zip(found.sets, robots, strict=True):
+    poses, touched = found.poses, found.reference_pose
+    chosen = np.random.default_rng(0).permutation(poses)
+    total, unit = summed(found.robot), PRINT[summed(found.robot).unit][1]
+    visits = [(f"{n} poses", chosen[:n]) for n in POSES if n <= len(chosen)]
+    own, once = visits[-1:], [(REFERENCED, None)] * (touched is not None)
+    columns = [*LAWS, *(name for name, _ in once + visits)]
+    rows = []
+    for names in found.sets:
+        r = found.robot.with_sensors(*names)
         errors = [
-            steady_state_error(r, found.poses, law, level) if r.r or law == "joint" else np.nan
+            steady_state_error(r, poses, law, level) if r.r or law == "joint" else np.nan
             for law in LAWS
         ]
-        if touched is not None:
-            errors.append(accuracy(r, found.poses, None, touched, level).rms)
         errors += [
-            accuracy(r, found.poses, chosen[:n], touched, level).rms if r.r else np.nan
-            for n in sizes
+            accuracy(r, poses, visited, touched, level).rms if r.r or visited is None else np.nan
+            for _, visited in once + visits
         ]
-        cells = [number(total.factor * v if np.isfinite(v) else None) for v in errors]
         named = Cell(label(found.robot, names), ",".join(names) or "none")
-        rows.append((len(names) > 0, errors[-1], [named, *cells]))
-    rows.sort(key=lambda row: row[:2])
-    unit = PRINT[total.unit][1]
+        rows.append((named, total.factor * np.array(errors), len(names) > 0))
+    rows.sort(key=lambda row: (row[2], row[1][-1]))
+    said = []
+    referenced = f" and {REFERENCED}" * len(once)
+    for how, which in (
+        ("As built, best: {} law", LAWS),
+        ("Referenced", [name for name, _ in once]),
+        ("Self-calibrated on {}" + referenced, [name for name, _ in own]),
+    ):
+        sizes = [
+            (size, name, named)
+            for named, errors, _ in rows
+            for name, size in zip(columns, errors, strict=True)
+            if name in which and np.isfinite(size)
+        ]
+        if sizes:
+            size, name, named = min(sizes)
+            said.append(f"{how.format(name)}, {named}: {number(size)} {unit} (1σ).")
     states = "self-calibrated on N poses"
-    if touched is not None:
-        states = f"referenced; {states} and referenced"
+    if once:
+        states = f"referenced; {states}{referenced}"
     title = f"Error of the {total.name}, 1σ rms: as built, by law; {states}"
     header = ["sensors", *(f"{name} ({unit})" for name in columns)]
-    return Table("overview", title, header, [row[2] for row in rows])
-
-
-def best(table: Table) -> list[str]:
-    """Return notes: the best law and sensors of an :func:`overview`, as built and calibrated."""
-    said: list[str] = []
-    records: list[dict[str, Any]] = table.records()
-    laws, others = table.header[1 : 1 + len(LAWS)], table.header[1 + len(LAWS) :]
-    referenced = [name for name in others if name.startswith(REFERENCED)]
-    learnt = "Self-calibrated on {}" + " and referenced" * bool(referenced)
-    for names, how in (
-        (laws, "As built, best: {} law"),
-        (referenced, "Referenced"),
-        (others[len(referenced) :][-1:], learnt),
-    ):
-        sizes = [(r[c], c, k) for c in names for k, r in enumerate(records) if r[c] is not None]
-        if sizes:
-            size, name, k = min(sizes)
-            word, unit = name[:-1].split(" (")
-            said.append(f"{how.format(word)}, {table.rows[k][0]}: {number(size)} {unit} (1σ).")
-    return said
+    cells = [
+        [named, *(number(v if np.isfinite(v) else None) for v in errors)]
+        for named, errors, _ in rows
+    ]
+    return Table("overview", title, header, cells), said

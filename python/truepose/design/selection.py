@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from truepose.arguments import Array
-from truepose.design.criterion import Criterion
+from truepose.design.criterion import USUAL, Criterion
 from truepose.design.where import Use
 from truepose.robot import Robot, label, summed
 from truepose.show import PRINT, Cell, Shown, Table, number, printed, tabled
@@ -46,7 +46,7 @@ class SensorSelection(Shown):
     budget: float | None = None  #: as given
     target: float | None = None  #: requested error, m
     target_angle: float | None = None  #: requested error of the angle, rad, beside `target`
-    criterion: Criterion = field(default_factory=Criterion)  #: of the error
+    criterion: Criterion = USUAL  #: of the error
     state: str = "as built"  #: of the robot, to which the error applies
     steps: dict[str, SensorSet] = field(default_factory=dict)
     #: best set after further steps, by state; for a target only where one reaches it

@@ -149,8 +149,10 @@ class _State:
     @functools.cached_property
     def search(self) -> Search:
         must = map(list(self.prices).index, self.must)
-        cost = functools.partial(self.errors.squared, self.by)
-        return Search(cost, [*self.prices.values()], tuple(must), self.survives)
+        prices = [*self.prices.values()]
+        return Search(
+            lambda own: max(self.errors.each(self.by, own)), prices, tuple(must), self.survives
+        )
 
     @property
     def once(self) -> float | None:

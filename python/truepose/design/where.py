@@ -50,7 +50,13 @@ class Use:
 
     def over(self, robot: Robot) -> Array:
         """Return the poses where the accuracy counts, (T, n)."""
-        return asked_poses(robot, self.poses)
+        if self.poses is not None:
+            return given_poses(robot, self.poses, "poses")
+        x = workspace_samples(robot, CHECKED, np.random.default_rng(0))
+        good = x[reachable(robot.with_sensors(), x, robot.highest_level)][:POSES]
+        if not len(good):
+            raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+        return good
 
     def known(self, robot: Robot) -> Known:
         """Return the poses at which the robot is read before."""
@@ -69,17 +75,6 @@ class Use:
 AS_BUILT = Use()
 
 
-def asked_poses(robot: Robot, poses: ArrayLike | None) -> Array:
-    """Return the given poses; by default poses sampled over the workspace."""
-    if poses is not None:
-        return given_poses(robot, poses, "poses")
-    x = workspace_samples(robot, CHECKED, np.random.default_rng(0))
-    good = x[reachable(robot.with_sensors(), x, robot.highest_level)][:POSES]
-    if not len(good):
-        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
-    return good
-
-
 def practice(robot: Robot, count: int) -> Array:
     """Return poses of a self-calibration, spread over the workspace."""
     x = drawn(robot, 4 * count, 0)
@@ -95,12 +90,12 @@ def volume_poses(robot: Robot, ranges: Mapping[str, tuple[float, float]]) -> Arr
     names = [name for name, _ in robot.coordinates]
     box = workspace(robot)
     low, high = np.array(box.minimum), np.array(box.maximum)
-    for name, ends in ranges.items():
+    for name, (least, most) in ranges.items():
         if name not in names:
             raise InputError(f"volume: {choose('coordinate', name, names)}")
-        if ends[0] > ends[1]:
-            raise InputError(f"volume: {name} = {ends[0]:g} to {ends[1]:g}: must be LOW, HIGH")
-        low[names.index(name)], high[names.index(name)] = ends
+        if least > most:
+            raise InputError(f"volume: {name} = {least:g} to {most:g}: must be LOW, HIGH")
+        low[names.index(name)], high[names.index(name)] = least, most
     inside = np.random.default_rng(0).uniform(size=(CHECKED, robot.n))
     unit = np.vstack([inside, list(itertools.product((0.0, 1.0), repeat=robot.n))])
     reached = reachable(robot.with_sensors(), low + unit * (high - low), robot.highest_level)

@@ -3,7 +3,7 @@
 import csv
 import io
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -11,8 +11,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
-from truepose.files import Output, mark, replace_file
-from truepose.files import check as checked
+from truepose.files import mark, replace_file
 from truepose.logs.limits import pyarrow_for
 from truepose.plugins import plugins
 from truepose.robot import Robot, reading_units
@@ -96,17 +95,14 @@ def write(
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path = {path!r}: must be a file's name: logs.write(run, 'log.csv')")
     path = Path(path)
-    check(path, force=force)
+    require_ending(path)
     replace_file(path, encoded(path, columns(run, robot)), "log", force)
 
 
-def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = False) -> Output:
-    """Raise InputError, before any work, for an unknown ending or a file not to be written."""
-    output = Output(Path(path), "log")
-    checked([output], inputs, force)
-    if output.path.suffix not in (writers := _writers()):
-        raise InputError(f"{path}: " + choose("ending", output.path.suffix, writers))
-    return output
+def require_ending(path: Path) -> None:
+    """Raise InputError, before any work, for an unknown ending."""
+    if path.suffix not in (writers := _writers()):
+        raise InputError(f"{path}: {choose('ending', path.suffix, writers)}")
 
 
 def encoded(path: Path, listed: list[Column]) -> bytes:

@@ -87,10 +87,8 @@ def fixed(value: float, decimals: int = 2, sign: Literal["", "+"] = "") -> Cell:
     return Cell(f"{value:{sign}.{decimals}f}", float(value))
 
 
-def number(value: float | None, significant: int = 3, data: object = None) -> Cell:
+def number(value: float | None, significant: int = 3) -> Cell:
     """Format a number with significant digits and no exponent; 0 below 0.00005.
-
-    `data` is the cell's data, by default the value.
 
     Examples
     --------
@@ -99,11 +97,10 @@ def number(value: float | None, significant: int = 3, data: object = None) -> Ce
     """
     if value is None:
         return Cell("")
-    data = float(value) if data is None else data
     if not np.isfinite(value) or abs(value) < 5e-5:
-        return Cell("0" if np.isfinite(value) else str(value), data)
+        return Cell("0" if np.isfinite(value) else str(value), float(value))
     digits = significant - 1 - int(np.floor(np.log10(abs(value))))
-    return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
+    return Cell(f"{round(value, digits):.{max(digits, 0)}f}", float(value))
 
 
 def markdown(table: Table) -> str:

@@ -8,9 +8,10 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import rich.table
 from rich.align import Align
@@ -18,6 +19,7 @@ from rich.box import Box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
+from typer import Option
 
 from truepose.exceptions import one_line
 from truepose.show.table import Table, as_csv
@@ -39,7 +41,6 @@ _LEAST = 40  # columns; lines exceed a narrower window
 #: Largest number of lines of a command's answer.
 MOST = 20
 _PIECE = 6  # fewest lines of a table that is printed in part
-_limited = False
 
 
 class Format(StrEnum):
@@ -100,45 +101,54 @@ def progress(what: str, total: int | None = None) -> Iterator[Callable[..., None
         yield update
 
 
-def limit(everything: bool) -> None:
-    """Make :func:`show` print everything, or at most `MOST` lines."""
-    global _limited  # noqa: PLW0603 – state of the one command that runs
-    _limited = not everything
+@dataclass(kw_only=True)
+class Printing:
+    """Options of a command that prints tables."""
 
+    how: Annotated[
+        Format,
+        Option("--format", help="csv and json: data only, in mm and degrees, with all digits."),
+    ] = Format.table
+    everything: Annotated[bool, Option("--all", help="Print all tables, not the first screen.")] = (
+        False
+    )
 
-def everything() -> bool:
-    """Return whether :func:`show` prints everything."""
-    return not _limited
+    def __post_init__(self) -> None:
+        self.written = list[Path]()
 
+    @property
+    def data(self) -> bool:
+        """Whether standard output has data only."""
+        return self.how is not Format.table
 
-def show(
-    tables: list[Table],
-    how: Format = Format.table,
-    answer: Sequence[object] = (),
-    notes: Sequence[object] = (),
-    written: Sequence[Path | None] = (),
-) -> None:
-    """Print lines of an answer, tables with the most important first, notes, and written files."""
-    if how is not Format.table:
-        _data(tables, how)
-        for line in (*answer, *notes):
-            say(line, how)
-    else:
-        width = max(shutil.get_terminal_size().columns, _LEAST)
-        first, last = (
-            [line for text in texts for line in _wrapped(printable(str(text)), width)]
-            for texts in (answer, notes)
-        )
-        parts = [first, *(laid_out(table, width) for table in tables), last]
-        most = MOST - sum(path is not None for path in written)
-        print("\n".join(_joined([part for part in parts if part], most)))
-    wrote(how, *written)
+    def show(
+        self, tables: list[Table], answer: Sequence[object] = (), notes: Sequence[object] = ()
+    ) -> None:
+        """Print an answer, tables with the most important first, notes, and written files.
+
+        Without --all a table's answer has at most `MOST` lines.
+        """
+        if self.data:
+            _data(tables, self.how)
+            for line in (*answer, *notes):
+                say(line, self.how)
+        else:
+            width = max(shutil.get_terminal_size().columns, _LEAST)
+            first, last = (
+                [line for text in texts for line in _wrapped(printable(str(text)), width)]
+                for texts in (answer, notes)
+            )
+            parts = [first, *(laid_out(table, width) for table in tables), last]
+            most = sys.maxsize if self.everything else MOST - len(self.written)
+            for line in _joined([part for part in parts if part], most):
+                print(line)
+        wrote(self.how, *self.written)
 
 
 def _joined(parts: list[list[str]], most: int) -> list[str]:
     """Return the lines of one screen, the last of which counts those left out."""
     every = [line for part in parts for line in ("", *part)][1:]
-    if not _limited or len(every) <= most:
+    if len(every) <= most:
         return every
     lines = parts[0][: most - 2]
     for part in parts[1:]:

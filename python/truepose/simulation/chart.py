@@ -8,7 +8,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.robot import Robot, rotation, rotation_vector
 
-_TERMS = 20  # of the series of SO(3)'s Jacobian: exact to rounding for rotations up to 2π
+_TERMS = 42  # of the series of SO(3)'s Jacobian: exact to rounding for rotations up to 2π
 
 
 class Setpoints(NamedTuple):
@@ -63,39 +63,29 @@ class Chart:
         result.acceleration[:, 3:] = _apply(J, acceleration[:, 3:]) + drift
         return result
 
-    def back(self, y: Array, rate: Array, acceleration: Array | None = None) -> list[Array]:
-        """Convert a twist and its derivative to derivatives of coordinates: `out`, solved."""
-        result = [rate.copy()] if acceleration is None else [rate.copy(), acceleration.copy()]
+    def back(self, y: Array, *rates: Array) -> list[Array]:
+        """Convert twists, and their derivatives, to derivatives of coordinates: `out`, solved."""
+        result = [rate.copy() for rate in rates]
         if self.first is not None:
-            J, _ = _turning(y[:, 3:], rate[:, 3:])
-            result[0][:, 3:] = np.linalg.solve(J, rate[:, 3:, None])[..., 0]
-            _, drift = _turning(y[:, 3:], result[0][:, 3:])
-            for turn in result[1:]:
+            J, drift = _turning(y[:, 3:], 0 * y[:, 3:])
+            for turn in result:
                 turn[:, 3:] = np.linalg.solve(J, (turn[:, 3:] - drift)[..., None])[..., 0]
+                _, drift = _turning(y[:, 3:], result[0][:, 3:])
         return result
 
 
 def _turning(w: Array, rate: Array) -> tuple[Array, Array]:
     """Return J of ω = J(w) ẇ for R = exp(w) R₀, and J̇ ẇ, which is ω̇ at ẅ = 0.
 
-    J = 1 + a [w]× + b [w]×², a = Σ (-θ²)ᵏ/(2k+2)!, b = Σ (-θ²)ᵏ/(2k+3)!, θ = |w|, also at θ = 0.
-    d/dt θ² = 2 w·ẇ.
+    J = Σ Wᵏ/(k+1)! with W = [w]×, and its derivative, by Horner's scheme.
     """
-    square = (w * w).sum(axis=-1)
-    k = np.arange(_TERMS)
-    a, b = (np.array([(-1) ** i / math.factorial(2 * i + j) for i in k]) for j in (2, 3))
-    powers = square[:, None] ** k
-    slopes = np.where(k > 0, k * square[:, None] ** np.maximum(k - 1, 0), 0.0)
-    change = 2 * (w * rate).sum(axis=-1)
-    once, twice = np.cross(w, rate), np.cross(w, np.cross(w, rate))
-    drift = (slopes @ a * change)[:, None] * once + (slopes @ b * change)[:, None] * twice
-    drift += (powers @ b)[:, None] * np.cross(rate, once)
-    W = np.zeros((len(w), 3, 3))
-    W[:, [2, 0, 1], [1, 2, 0]] = w
-    W -= np.swapaxes(W, -1, -2)
-    J = np.eye(3) + (powers @ a)[:, None, None] * W + (powers @ b)[:, None, None] * (W @ W)
-    return J, drift
+    W, V = (np.cross(np.eye(3), each[:, None]) for each in (w, rate))
+    J, change = np.eye(3), np.zeros_like(W)
+    for k in range(_TERMS, 1, -1):
+        change = (V @ J + W @ change) / k
+        J = np.eye(3) + W @ J / k
+    return J, _apply(change, rate)
 
 
 def _apply(matrices: Array, vectors: Array) -> Array:
-    return np.einsum("nij,nj->ni", matrices, vectors)
+    return (matrices @ vectors[..., None])[..., 0]

@@ -46,12 +46,13 @@ class _Moves:
     linear: tuple[float, float, float] | None = None
     angular: tuple[float, float, float] | None = None
 
-    def _along(self, robot: Robot, poses: Any, period: float) -> Setpoints:
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`Path`."""
         positive("duration", self.duration)
         for name, limits in (("linear", self.linear), ("angular", self.angular)):
             if limits is not None and (np.shape(limits) != (3,) or not np.min(limits) > 0):
                 raise InputError(f"{name} = {limits}: must be a speed, an acceleration and a jerk")
-        rows = as_rows(robot, poses, "path", 2)
+        rows = as_rows(robot, self.poses, "path", 2)  # type: ignore[attr-defined]
         moves, start = [], 0.0
         for number, (a, b) in enumerate(itertools.pairwise(rows), 1):
             chart = Chart(robot, a)
@@ -103,10 +104,6 @@ class Waypoints(_Moves):
 
     poses: ArrayLike
 
-    def setpoints(self, robot: Robot, period: float) -> Setpoints:
-        """See :class:`Path`."""
-        return self._along(robot, self.poses, period)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Line(_Moves):
@@ -131,9 +128,10 @@ class Line(_Moves):
     start: ArrayLike
     end: ArrayLike
 
-    def setpoints(self, robot: Robot, period: float) -> Setpoints:
-        """See :class:`Path`."""
-        return self._along(robot, [self.start, self.end], period)
+    @property
+    def poses(self) -> list[ArrayLike]:
+        """Start and end."""
+        return [self.start, self.end]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,10 +252,9 @@ class SampledPath:
         time = numbers_of(self.time, "time")
         if self.rate is None and self.acceleration is not None:
             raise InputError("acceleration: needs the rate too")
-        given = {"x": self.x, "rate": self.rate, "acceleration": self.acceleration}
         rows = []
-        for name, values in given.items():
-            if values is None:
+        for name in ("x", "rate", "acceleration"):
+            if (values := getattr(self, name)) is None:
                 continue
             flat, lead = flattened(robot, values, robot.n, name, "raise")
             if time.ndim != 1 or lead != time.shape or len(time) < 2:

@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 
 from truepose import files
-from truepose.commands.options import How
 from truepose.show import as_csv, figure_of
-from truepose.show.terminal import Format, progress, show
+from truepose.show.terminal import Printing, progress
 
 
 def command(
@@ -23,7 +22,7 @@ def command(
     rates: Annotated[
         Path | None, typer.Option(help='Rates, TOML: warm_up = "15 K". All are assumed.')
     ] = None,
-    how: How = Format.table,
+    output: Printing = Printing(),
 ) -> None:
     """Compare the laws after what a year does to calibrated H4s, each rod by itself.
 
@@ -60,4 +59,4 @@ def command(
     note = f"{robots} robots, seed {seed}, rates assumed. Written: {out / 'life.csv'}, life.svg, "
     note += "life.md."
     few = table.columns(0, 1, 2, 5, 7, 8, 10, 11)  # a terminal's width; all laws are in the file
-    show([few if how is Format.table else table], how, [note])
+    output.show([table if output.data else few], [note])

@@ -1,7 +1,7 @@
 """A plant of rigid bodies in MuJoCo, with the core's sensor models and control cycle."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 
 import mujoco
@@ -78,18 +78,11 @@ class MujocoPlant:
         found = map(np.array, zip(*(self.body().settle_at(row) for row in rows), strict=True))
         return Settled(*(values.reshape((*lead, *values.shape[1:])) for values in found))
 
-    def visit(
-        self,
-        robot: Robot,
-        x_d: ArrayLike,
-        controller: Controller,
-        progress: Callable[[], None] = lambda: None,
-    ) -> Visit:
+    def visit(self, robot: Robot, x_d: ArrayLike, controller: Controller) -> Visit:
         """Move through poses x_d (N, n), each from rest to rest, and read the sensors there.
 
-        `robot` is the controller's model; `progress` is called after each pose. Ranges of poses run
-        in parallel, each from home; neither they nor the results depend on the number of cores.
-        With faults all poses are one range.
+        `robot` is the controller's model. Ranges of poses run in parallel, each from home; neither
+        they nor the results depend on the number of cores. With faults all poses are one range.
         """
         x_d = as_rows(robot, x_d, "x_d", errors="nan")
         require_same_readings(robot, self.truth)
@@ -105,7 +98,6 @@ class MujocoPlant:
             for k in range(start, min(start + length, count)):
                 for out, value in zip(result, drive.go(x_d[k], k * self.pose_time), strict=True):
                     out[k] = value
-                progress()
 
         for _ in each(work, range(0, count, max(1, length))):
             pass

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from truepose.commands.options import Force, How
+from truepose.commands.options import Output
 from truepose.exceptions import InputError
-from truepose.show.terminal import Format, everything, progress, show
+from truepose.show.terminal import progress
 
 
 def command(
@@ -25,8 +25,7 @@ def command(
     ] = False,
     experiment: Annotated[bool, typer.Option("--experiment", hidden=True)] = False,
     life: Annotated[bool, typer.Option("--life", hidden=True)] = False,
-    how: How = Format.table,
-    force: Force = False,
+    output: Output = Output(),
 ) -> None:
     """Run the paper end to end: Table 3, a verdict on each claim, and a report.
 
@@ -47,7 +46,7 @@ def command(
     from truepose_paper.reproduce import reproduce
 
     start = time.perf_counter()
-    with report.folder(out, force) as work, progress("robots") as bar:
+    with report.folder(out, output.force) as work, progress("robots") as bar:
         beside = out / "parts.jsonl" if out.exists() else out.with_name(f"{out.name}.parts.jsonl")
         parts = Parts(beside, robots=robots, seed=seed, full=full)
 
@@ -60,9 +59,9 @@ def command(
     elapsed = time.perf_counter() - start
     done = f"{robots} robots, seed {seed}, {elapsed:.0f} s; report: {out / report.PAGE}"
     first, more = tables.results(result)
-    if how is not Format.table:
-        show([*first, *more], how, [done])
+    if output.data:
+        output.show([*first, *more], [done])
         return
-    if everything():
-        show(more, how, notes=claims.REASONS)
+    if output.everything:
+        output.show(more, notes=claims.REASONS)
     print("\n".join([*screen.lines(result), f"{done}; errata: --all"]))  # last: Table 3, verdicts

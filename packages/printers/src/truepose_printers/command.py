@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 
 from truepose import files
-from truepose.commands.options import Force, How, wrote
+from truepose.commands.options import Output, wrote
 from truepose.exceptions import InputError
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import say
 from truepose_printers import backups, review
 from truepose_printers.assessment import MM, Assessment, read
 
@@ -62,8 +62,7 @@ def command(
         Path | None,
         typer.Option(help="File to write: points that Klipper probes; --plan has heights alone."),
     ] = None,
-    how: How = Format.table,
-    force: Force = False,
+    output: Output = Output(),
 ) -> None:
     """Diagnose and calibrate a delta printer from its firmware's text.
 
@@ -88,12 +87,12 @@ def command(
         outputs[new] = _config_text
     if points:
         outputs[files.Output(points, "points", "--points")] = review.points_text
-    files.check(outputs, [config], force)
+    files.check(outputs, [config], output.force)
     found = read(config, plan=next_readings or 0, heights_alone=points is not None, **options)
     answer = found.answer
     if "readings" not in answer and (write or backup):
         read(config, **options)  # the error of a file without readings
-    files.write({file: text(found) for file, text in outputs.items()}, [config], force)
+    files.write({file: text(found) for file, text in outputs.items()}, [config], output.force)
     for note in answer["notes"]:
         say(f"{config}: {note}", err=True)
     tables = [review.plan(found)] if answer["plan"] else []
@@ -107,9 +106,9 @@ def command(
         tables.insert(0, table)
         words.insert(0, verdict)
     if "readings" in answer:
-        tables += review.tables(found, narrow=how is Format.table)
-    show(tables, how, [f"{line}." for line in words])
-    wrote(how, write, points)
+        tables += review.tables(found, narrow=not output.data)
+    output.show(tables, [f"{line}." for line in words])
+    wrote(output.how, write, points)
 
 
 def _config_text(found: Assessment) -> str:

@@ -3,7 +3,7 @@
 from typer import Option
 
 from truepose.commands import options
-from truepose.show.terminal import Format, show
+from truepose.show.terminal import Printing
 from truepose_safety.start_test import start_test
 
 
@@ -17,7 +17,7 @@ def command(
     fault: options.Faults = None,
     seed: options.Seed = 0,
     sensors: options.SensorsOption = None,
-    how: options.How = Format.table,
+    output: Printing = Printing(),
 ) -> None:
     """Simulate the start-up test of a robot at rest: faults are miswirings of incremental encoders.
 
@@ -34,4 +34,4 @@ def command(
         effects=None if effects == "none" else options.effects_of(effects),
         seed=seed,
     )
-    show([run.table()], how, [run.summary])
+    output.show([run.table()], [run.summary])

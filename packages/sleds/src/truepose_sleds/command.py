@@ -9,12 +9,11 @@ import typer
 from truepose import files, robotfile
 from truepose.calibration.causes.hypothesis import LN_RATE
 from truepose.calibration.causes.search import DECISIVE
-from truepose.commands.options import Force, How, file_text, wrote
+from truepose.commands.options import Output, file_text, wrote
 from truepose.design.candidates import CandidatePoses, drawn, reachable
 from truepose.design.poses import plan_poses
 from truepose.exceptions import InputError, TrueposeError
 from truepose.show import Cell, Table, fixed, number
-from truepose.show.terminal import Format, show
 from truepose_sleds import belts, firmware, frame, to_read
 from truepose_sleds.belts import BELTS, Model, Sled
 from truepose_sleds.to_read import FEWEST, Readings
@@ -67,8 +66,7 @@ def command(
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
     ] = None,
-    how: How = Format.table,
-    force: Force = False,
+    output: Output = Output(),
 ) -> None:
     """Calibrate a Maslow sled: its anchors from its own log, with a σ for each.
 
@@ -79,7 +77,7 @@ def command(
     """
     outputs = [robotfile.output(out, "-o")] if out else []
     outputs += [files.Output(lines, "lines", "--lines")] if lines else []
-    files.check(outputs, log, force)
+    files.check(outputs, log, output.force)
     read = to_read.read(log)
     if heights is not None:
         read = projected(read, heights)
@@ -110,10 +108,10 @@ def command(
     ]
     table, text = pasted(sled, read, missing)
     further = [] if next_poses is None else [worth_reading(sled, next_poses)]
-    show([table, unknowns(sled), models(sled), *further], how, answer, notes)
+    output.show([table, unknowns(sled), models(sled), *further], answer, notes)
     contents = [file_text(sled.fit.robot)] * bool(out) + [text] * bool(lines)
-    files.write(dict(zip(outputs, contents, strict=True)), log, force)
-    wrote(how, out, lines)
+    files.write(dict(zip(outputs, contents, strict=True)), log, output.force)
+    wrote(output.how, out, lines)
 
 
 def on_its_side(sled: Sled) -> list[str]:

@@ -1,6 +1,5 @@
 """Plants: true robots that differ from their model, driven from pose to pose."""
 
-from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from truepose.arguments import Array
@@ -31,13 +30,7 @@ class Plant(Protocol):
 
     truth: Robot  #: its true geometry, cold
 
-    def visit(
-        self,
-        robot: Robot,
-        x_d: Array,
-        controller: Controller,
-        progress: Callable[[], None] = lambda: None,
-    ) -> Visit:
+    def visit(self, robot: Robot, x_d: Array, controller: Controller) -> Visit:
         """Drive from pose to pose, let the robot settle at each, and read it.
 
         Parameters
@@ -46,7 +39,5 @@ class Plant(Protocol):
             The controller's robot, law and gains.
         x_d : ndarray, shape (N, n)
             Desired poses, in this order.
-        progress : callable
-            Called after each pose.
         """
         ...

@@ -1,7 +1,7 @@
 """A simulated robot, driven from pose to pose in its dynamics."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,16 +79,13 @@ class DynamicPlant:
         robot: Robot,
         x_d: Array,
         controller: Controller,
-        progress: Callable[[], None] = lambda: None,
     ) -> Visit:
         """See :class:`truepose.simulation.plants.Plant`."""
         run = Run(duration=self.duration, hold=self.hold, seed=self.seed, time=self.time)
         wrong = self.effects, self.faults, self.monitor
-        x, q_e, status = visit(robot, self.truth, x_d, controller, *wrong, run=run)
-        for _ in x:
-            progress()
-        status[np.char.startswith(status, SATURATED)] = "ok"  # arrived despite saturation
-        return Visit(q_e, frames(self.truth, x), x, status)
+        found = visit(robot, self.truth, x_d, controller, *wrong, run=run)
+        found.status[np.char.startswith(found.status, SATURATED)] = "ok"  # arrived despite it
+        return found
 
 
 def visit(
@@ -100,7 +97,7 @@ def visit(
     faults: Sequence[Fault] = (),
     monitor: FaultMonitor | None = None,
     run: Run = _USUAL,
-) -> tuple[Array, Array, Array]:
+) -> Visit:
     """Drive from pose to pose, in the dynamics, and let each settle.
 
     Friction and backlash carry over from one pose to the next. Parameters as for
@@ -109,11 +106,11 @@ def visit(
 
     Returns
     -------
-    x, q_e : ndarray, shape (N, n) and (N, n + r)
-        True poses and readings at the end of each hold; NaN where the robot did not arrive.
-    status : ndarray of str, shape (N,)
-        "ok"; "saturated: …" where the robot rests but a motor was at its torque limit on the way,
-        "no answer …" where the controller had no result on the way; or why the robot does not rest.
+    Visit
+        True poses and readings at the end of each hold; NaN where the robot did not arrive. The
+        status is "ok"; "saturated: …" where the robot rests but a motor was at its torque limit on
+        the way, "no answer …" where the controller had no result on the way; or why it does not
+        rest.
 
     Examples
     --------
@@ -121,8 +118,8 @@ def visit(
     >>> from truepose.simulation.plants.dynamic import visit
     >>> h4 = tp.load("h4")
     >>> poses = [[0, 0, -0.4, 0.1], [0.05, 0, -0.4, 0]]
-    >>> x, q_e, status = visit(h4, h4, poses, effects=tp.Effects())
-    >>> status.tolist(), x.shape, q_e.shape
+    >>> found = visit(h4, h4, poses, effects=tp.Effects())
+    >>> found.status.tolist(), found.x.shape, found.q_e.shape
     (['ok', 'ok'], (2, 4), (2, 5))
     """
     require_same_readings(robot, truth)
@@ -146,4 +143,4 @@ def visit(
             if rests:
                 x[k], q_e[k] = true[-1], read[-1]
         words.append(word)
-    return x, q_e, np.array(words, dtype=str)
+    return Visit(q_e, frames(truth, x), x, np.array(words, dtype=str))

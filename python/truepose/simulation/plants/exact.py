@@ -85,7 +85,6 @@ class ExactPlant:
         robot: Robot,
         x_d: Array,
         controller: Controller,
-        progress: Callable[[], None] = lambda: None,
     ) -> Visit:
         """Rest at each pose, in their order; the tool gear keeps its backlash on the way.
 
@@ -114,8 +113,6 @@ class ExactPlant:
         q_e[rests] = faulty.read(np.zeros(len(exact)), q_e[rests])
         frame = np.full((len(x), 4, 4), np.nan)
         frame[rests] = self._frames(x[rests])
-        for _ in x:
-            progress()
         return Visit(q_e, frame, x, status.astype(str))
 
     def _frames(self, x: Array) -> Array:
