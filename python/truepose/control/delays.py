@@ -30,34 +30,33 @@ def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
 
 def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return sample periods and latencies in control periods of `period` s, rounded up, or None."""
-    every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
-    limits = (("sample_period", _core.slowest, every), ("latency", _core.oldest, age))
+    limits = {"sample_period": _core.slowest, "latency": _core.oldest}
+    cycles = np.zeros((2, _core.max_sensors), dtype=int)
     for k, sensor in enumerate(robot.spec.used):
-        for key, most, cycles in limits:
+        for row, (key, most) in zip(cycles, limits.items(), strict=True):
             seconds = getattr(sensor, key)
-            cycles[k] = math.ceil(seconds / period - 1e-6)
-            if cycles[k] > most:
+            row[k] = math.ceil(seconds / period - 1e-6)
+            if row[k] > most:
                 raise InputError(
                     f"{robot.name}: sensor {sensor.name}: {key} = {seconds:g} s: at most {most} "
                     f"control periods of {period:g} s"
                 )
-    if max(every) <= 1 and max(age) == 0:
+    if not (cycles > [[1], [0]]).any():
         return None
     late = _core.MultirateSettings()
-    late.every, late.age, late.period = every, age, period
+    (late.every, late.age), late.period = cycles, period
     return late
 
 
 def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
     """Return a law's matrix E, (n, n + r), with multirate and delayed sensors on the motors."""
     # Within milliseconds such a sensor's value follows the motors.
-    slow, n, E = clock(robot, period), robot.m, E.copy()
-    if slow is None:
+    if (slow := clock(robot, period)) is None:
         return E
-    for k in range(robot.r):
-        if slow.every[k] > 1 or slow.age[k] > 0:
-            E[:, :n] += np.outer(E[:, n + k], H_x[n + k] @ np.linalg.pinv(H_x[:n]))
-            E[:, n + k] = 0
+    n, E = robot.m, E.copy()
+    late = n + np.flatnonzero((slow.every > 1) | (slow.age > 0))
+    E[:, :n] += E[:, late] @ H_x[late] @ np.linalg.pinv(H_x[:n])
+    E[:, late] = 0
     return E
 
 

@@ -27,11 +27,7 @@ def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
 def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], Array]:
     """Return an own law as the core calls it once per control period: vectors of its sizes."""
     n, width = robot.n, robot.m + robot.r
-
-    def error(x_d: list[float], q_e: list[float]) -> Array:
-        return motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[:width]))
-
-    return error
+    return lambda x_d, q_e: motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[:width]))
 
 
 def equilibrium(
