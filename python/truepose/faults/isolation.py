@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from truepose import _core
 from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
@@ -155,7 +156,7 @@ def isolate(
     level = robot.highest_level if level is None else level
     model = robot.expected().with_level(level)
     rows, _ = flattened(model, readings, robot.m + robot.r, "readings", "nan")
-    evidence = partial(_evidence, model, level, model_error)
+    evidence = partial(_evidence, model, model_error)
     used, y, columns = evidence(rows)
     if not used.any():
         raise InputError(f"readings: none of {len(rows)} rows has a pose")
@@ -196,25 +197,20 @@ def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
     return replace(h, size=h.size + step, sigma=1 / math.sqrt(information), chi2=float(left @ left))
 
 
-def _evidence(
-    model: Robot, level: Level, model_error: bool, rows: Array
-) -> tuple[Array, Array, Array]:
+def _evidence(model: Robot, model_error: bool, rows: Array) -> tuple[Array, Array, Array]:
     """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
     poses = model.fkm(rows[:, : model.m], errors="nan")
     # Singular poses have no parity.
-    regular = finite_rows(model.linearize(poses, "nan", level)[0])
+    regular = finite_rows(model.linearize(poses, "nan")[0])
     used = np.asarray(regular & finite_rows(rows))
     if not used.any():
         return used, np.zeros(0), np.zeros((0, 0))
-    found = parity(model, poses[used], level, model_error)
-    error = rows[used] - model.extended_positions(poses[used])
-    for k, unit in enumerate(reading_units(model)[model.m :], model.m):
-        if unit == "rad":  # whole turns of a sensor are no fault
-            turn = 2 * math.pi * abs(model.parameters[f"{model.readings[k]}.gain"].value)
-            error[:, k] -= turn * np.round(error[:, k] / turn)
-    value = np.einsum("kri,ki->kr", found.signature, error)
+    poses, rows = poses[used], rows[used]
+    found = parity(model, poses, model_error=model_error)
+    # Whole turns of a joint are no fault.
+    error, *_ = _core.innovation(model.core, rows, model.extended_positions(poses))
     B = found.geometry.reshape(-1, found.geometry.shape[-1])
-    sides = (found.signature, found.signature * rows[used][:, None, :])  # of a bias, of a gain
-    parts = [side.reshape(len(B), -1) for side in sides]
-    rest = whitened(np.column_stack([*parts, value.ravel()]), B)
+    G, by = found.signature, rows[:, None]
+    sides = (G, G * by, G @ error[..., None])  # of a bias, of a gain, of the readings
+    rest = whitened(np.column_stack([side.reshape(len(B), -1) for side in sides]), B)
     return used, rest[:, -1], rest[:, :-1]
