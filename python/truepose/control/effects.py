@@ -25,7 +25,7 @@ def assumed_friction(chain: Chain) -> float:
 
 
 #: Effects that are switched on and off together.
-_GROUPS = {
+GROUPS = {
     "backlash": ("tool_backlash",),
     "friction": ("motor_friction", "joint_friction"),
     "compliance": ("arm_stiffness", "rod_stiffness"),
@@ -82,7 +82,7 @@ class Effects:
     @classmethod
     def groups(cls) -> tuple[str, ...]:
         """Return the names of effects that can be switched on and off."""
-        return tuple(_GROUPS)
+        return tuple(GROUPS)
 
     @classmethod
     def none(cls) -> Effects:
@@ -94,16 +94,16 @@ class Effects:
         if not isinstance(self, Effects):
             raise InputError(f"without() needs an object: Effects().without({self!r})")
         for group in groups:
-            if group not in _GROUPS:
-                raise InputError(choose("effect", group, _GROUPS))
-        return replace(self, **{name: 0.0 for group in groups for name in _GROUPS[group]})
+            if group not in GROUPS:
+                raise InputError(choose("effect", group, GROUPS))
+        return replace(self, **{name: 0.0 for group in groups for name in GROUPS[group]})
 
     def only(self, *groups: str) -> Effects:
         """Return a copy with all other groups switched off."""
         if not isinstance(self, Effects):
             raise InputError(f"only() needs an object: Effects().only({self!r})")
         self.without(*groups)  # refuses unknown ones
-        return self.without(*_GROUPS.keys() - set(groups))
+        return self.without(*GROUPS.keys() - set(groups))
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
         """Return the true robot's geometry some time, s, after a cold start.

@@ -63,14 +63,14 @@ def choose(
     given settings. Results are cached. Raises InputError if there are none: the period is too long,
     the quantization too coarse, or friction too strong.
     """
-    slowest = float(np.clip(friction_poles(robot, effects), *_FREQUENCIES[[0, -1]]))
-    faster = _FREQUENCIES[slowest < _FREQUENCIES][::-1].tolist()
-    reason = ""
+    reason, slowest = "", 0.0
     for scale in _SCALES if _core.laws[law].weighs else _SCALES[:1]:
         settings = replace(rest, sigma_scale=scale)
         home, everywhere = (
             Responses(robot, x, law, effects, settings) for x in (robot.home[None], poses(robot))
         )
+        slowest = float(np.clip(friction_poles(robot, effects), *_FREQUENCIES[[0, -1]]))
+        faster = _FREQUENCIES[slowest < _FREQUENCIES][::-1].tolist()
         for frequency, ratio in itertools.product((*faster, slowest), _RATIOS):
             gains = replace(settings, frequency=frequency, velocity_bandwidth=ratio * frequency)
             if not (_lack(gains, home) or _lack(gains, everywhere)):

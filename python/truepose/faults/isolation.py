@@ -14,8 +14,8 @@ from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.robot import Robot, flattened, reading_units, require_robot
-from truepose.show import PRINT, Cell, Shown, Table, number, ranges
+from truepose.robot import Robot, flattened, reading_axes, require_robot
+from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Errors of a reading: constant, or proportional to itself.
 KINDS = ("bias", "gain")
@@ -75,10 +75,10 @@ class Isolation(Shown):
 
     def table(self) -> Table:
         """Return one row a hypothesis, the likeliest first."""
-        units = dict(zip(self.robot.readings, reading_units(self.robot), strict=True))
+        axes = {axis.name: axis for axis in reading_axes(self.robot)}
         rows, may_be = [], self.may_be
         for h in self.hypotheses:
-            factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
+            _, factor, unit = axes[h.reading] if h.kind == "bias" else ("", 100.0, "%")
             size = factor * h.size
             shown = Cell(f"{number(size)} {unit}", {"size": size, "unit": unit})
             sure = "yes" if h in may_be else "no"
@@ -167,15 +167,14 @@ def isolate(
         for k, (kind, name) in enumerate(itertools.product(KINDS, robot.readings))
     ]
     bank.sort(key=lambda h: h.chi2)
-    for k in range(_LIKELY if total > limit else 0):
-        for _ in range(_AGAIN):  # linearize without the fault: a large one is nonlinear
-            h = bank[k]
-            c = robot.readings.index(h.reading)
-            healthy = rows.copy()
-            healthy[:, c] = rows[:, c] - h.size if h.kind == "bias" else rows[:, c] / (1 + h.size)
-            there, left, others = evidence(healthy)
-            if not there.all():
-                break
+    # Linearize without the fault: a large one is nonlinear.
+    for k in [*range(_LIKELY)] * _AGAIN if total > limit else ():
+        h = bank[k]
+        c = robot.readings.index(h.reading)
+        healthy = rows.copy()
+        healthy[:, c] = rows[:, c] - h.size if h.kind == "bias" else rows[:, c] / (1 + h.size)
+        there, left, others = evidence(healthy)
+        if there.all():
             column = others[:, c + KINDS.index(h.kind) * len(robot.readings)]
             bank[k] = _next(h, left, column)
     bank.sort(key=lambda h: h.chi2)
