@@ -183,10 +183,10 @@ class Effects:
         core.backlash = self.tool_backlash
         joints = 4 if robot.spec.mobility in PAIRED else 2
         friction = self.motor_friction + joints * self.joint_friction
-        core.friction = [friction] * robot.m + [0.0] * (_core.max_motors - robot.m)
+        core.friction = [friction] * robot.m
         core.arm_stiffness, core.rod_stiffness = self.arm_stiffness, self.rod_stiffness
         core.ripple = self.torque_ripple
-        phases = np.random.default_rng([check_seed(seed), 1]).uniform(0, 2 * math.pi, 6)
-        core.phase = phases.tolist()
+        rng = np.random.default_rng([check_seed(seed), 1])
+        core.phase = rng.uniform(0, 2 * math.pi, 6)
         core.delayed = bool(self.delay)
         return core

@@ -43,8 +43,7 @@ def equilibrium(
     rest = np.zeros(robot.n)
     if gravity:
         inertia = gain_inertia(robot, controller, x_d, start)
-        held = controller.feed_forward != "none"
-        fed = robot.inverse_dynamics(x_d, rest, rest) if held else rest
+        fed = (controller.feed_forward != "none") * robot.inverse_dynamics(x_d, rest, rest)
 
     def unbalanced(x: Array) -> Array:
         q_e = truth.extended_positions(x, errors="nan")
