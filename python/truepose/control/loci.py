@@ -42,7 +42,7 @@ class Responses:
         settings: ControllerSettings,
     ):
         self.plants = [plant(robot, x, law, effects, settings) for x in poses]
-        self.period, self.torque_limit = settings.period, robot.torque_limit
+        self.period = settings.period
         self.read = robot if effects.quantization else robot.without_quantization()
         highest = np.pi / self.period
         self.frequency = np.geomspace(min(1.0, 1e-3 * highest), 0.9999 * highest, _POINTS)
@@ -89,7 +89,7 @@ class Responses:
         answer = self.inertia @ np.linalg.solve(loop, c * (self.E * self.read.reading_sigma))
         power = (np.abs(answer) ** 2).sum(axis=-1)
         rms = np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
-        return rms / self.torque_limit
+        return rms / self.read.torque_limit
 
     def limit_cycle(self, gains: ControllerSettings) -> Array:
         """Return the platform's limit cycle by one count of the readings, peak to peak: (P, n).

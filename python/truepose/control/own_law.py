@@ -61,4 +61,4 @@ def equilibrium(
     # More motors than freedoms: as far as a motion of the platform corrects it.
     of = robot.jacobian(x_d) if robot.m > robot.n else np.eye(robot.n)
     found = root(lambda x: of @ unbalanced(x), begin, tol=1e-12)
-    return found.x, bool(np.abs(of @ unbalanced(found.x)).max() < 1e-9)
+    return found.x, bool(np.abs(found.fun).max() < 1e-9)
