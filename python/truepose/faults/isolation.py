@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core
 from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.robot import Robot, flattened, reading_axes, require_robot
+from truepose.robot import Robot, flattened, reading_axes, reading_units, require_robot
 from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Errors of a reading: constant, or proportional to itself.
@@ -206,8 +205,11 @@ def _evidence(model: Robot, model_error: bool, rows: Array) -> tuple[Array, Arra
         return used, np.zeros(0), np.zeros((0, 0))
     poses, rows = poses[used], rows[used]
     found = parity(model, poses, model_error=model_error)
-    # Whole turns of a joint are no fault.
-    error, *_ = _core.innovation(model.core, rows, model.extended_positions(poses))
+    error = rows - model.extended_positions(poses)
+    for k, unit in enumerate(reading_units(model)[model.m :], model.m):
+        if unit == "rad":  # whole turns of a sensor are no fault
+            turn = 2 * math.pi * abs(model.parameters[f"{model.readings[k]}.gain"].value)
+            error[:, k] -= turn * np.round(error[:, k] / turn)
     B = found.geometry.reshape(-1, found.geometry.shape[-1])
     G, by = found.signature, rows[:, None]
     sides = (G, G * by, G @ error[..., None])  # of a bias, of a gain, of the readings
