@@ -30,21 +30,21 @@ def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
 
 def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return sample periods and latencies in control periods of `period` s, rounded up, or None."""
-    limits = {"sample_period": _core.slowest, "latency": _core.oldest}
-    cycles = np.zeros((2, _core.max_sensors), dtype=int)
+    every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
+    limits = (("sample_period", _core.slowest, every), ("latency", _core.oldest, age))
     for k, sensor in enumerate(robot.spec.used):
-        for row, (key, most) in zip(cycles, limits.items(), strict=True):
+        for key, most, cycles in limits:
             seconds = getattr(sensor, key)
-            row[k] = math.ceil(seconds / period - 1e-6)
-            if row[k] > most:
+            cycles[k] = math.ceil(seconds / period - 1e-6)
+            if cycles[k] > most:
                 raise InputError(
                     f"{robot.name}: sensor {sensor.name}: {key} = {seconds:g} s: at most {most} "
                     f"control periods of {period:g} s"
                 )
-    if not (cycles > [[1], [0]]).any():
+    if max(every) <= 1 and max(age) == 0:
         return None
     late = _core.MultirateSettings()
-    (late.every, late.age), late.period = cycles, period
+    late.every, late.age, late.period = every, age, period
     return late
 
 

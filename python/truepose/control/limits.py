@@ -27,7 +27,7 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.robotfile.chains import Chain
 from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, number, tabled
 
 #: Causes of a stop, by the core's number.
 CAUSES: tuple[str, ...] = _core.stop_causes
@@ -237,11 +237,14 @@ class SafetyLimits(Shown):
         moves = any(unit == "m" for _, unit in self.robot.coordinates)
         speed, way, factor = ("m/s", "mm", 1e3) if moves else ("rad/s", "°", 180 / np.pi)
         rows = [
-            [number(v), *(number(factor * self.stopping_distance(v, c)) for c in (True, False))]
+            {
+                f"speed ({speed})": v,
+                f"with a counter ({way})": factor * self.stopping_distance(v, True),
+                f"without ({way})": factor * self.stopping_distance(v, False),
+            }
             for v in _SPEEDS
         ]
-        head = [f"speed ({speed})", f"with a counter ({way})", f"without ({way})"]
-        return Table("stops", "Stopping distance after frozen readings", head, rows)
+        return tabled("stops", "Stopping distance after frozen readings", rows)
 
     def __repr__(self) -> str:
         from truepose.show.terminal import laid_out
