@@ -9,7 +9,8 @@ from fixtures import drawn_poses, refused, with_length_errors
 import truepose as tp
 from truepose.control import delays
 from truepose.control.effects import Effects
-from truepose.control.linear import plants
+from truepose.control.linear import plant
+from truepose.control.settings import ControllerSettings
 from truepose.simulation import Run
 
 PERIOD, AGE = 0.01, 0.008
@@ -84,9 +85,9 @@ def test_a_robot_with_effects_rests_as_calmly_as_on_its_motors_alone(camera):
 
 
 def test_gains_count_a_late_sensor_as_what_the_motors_say(camera):
-    x, effects = camera.home, Effects().only("delay")
-    prompt, slow = (plants(r, [x], "estimated", effects)[0] for r in (timed(camera, 0, 0), camera))
-    joint = plants(camera, [x], "joint", effects)[0]
+    asked = camera.home, "estimated", Effects().only("delay"), ControllerSettings()
+    prompt, slow = (plant(robot, *asked) for robot in (timed(camera, 0, 0), camera))
+    joint = plant(camera, camera.home, "joint", *asked[2:])
     np.testing.assert_allclose(slow.E[:, 4:], 0)
     # Of a rigid robot all laws see the motors' error in readings that agree.
     z = np.exp(1j * np.array([0.01, 0.1, 1.0]))

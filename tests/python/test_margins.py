@@ -11,7 +11,6 @@ import truepose as tp
 from truepose import robotfile
 from truepose.control import gains
 from truepose.control.effects import Effects
-from truepose.control.linear import plants
 from truepose.control.loci import Responses, worst
 from truepose.control.settings import ControllerSettings
 from truepose.simulation import Run
@@ -23,7 +22,7 @@ SLOW = {"frequency": 40, "velocity_bandwidth": 300}
 def loops(robot, effects=None, law="tej", poses=None):
     """Return the responses of a robot's loops, at home if at no other poses."""
     at = [robot.home] if poses is None else poses
-    return Responses(plants(robot, at, law, effects or Effects()))
+    return Responses(robot, at, law, effects or Effects(), ControllerSettings())
 
 
 @pytest.mark.parametrize("law", ["joint", "tej", "estimated"])
@@ -141,7 +140,7 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     chosen = gains.choose(h4, law, Effects(), ControllerSettings())
     run = tp.simulate(h4, controller=law, effects=Effects(), run=Run(hold=0.8))
     loop = loops(h4, law=law, poses=[run.x_d[-1]])
-    predicted = loop.dither(chosen, h4.reading_sigma).max()
+    predicted = (loop.dither(chosen) * h4.torque_limit).max()
     # Counts at rest are no white noise: a loop hunts by one.
     assert 0.5 < run.torque[-200:].std(axis=0).max() / predicted < 3
 

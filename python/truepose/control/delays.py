@@ -51,13 +51,12 @@ def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
 def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
     """Return a law's matrix E, (n, n + r), with multirate and delayed sensors on the motors."""
     # Within milliseconds such a sensor's value follows the motors.
-    slow, n, E = clock(robot, period), robot.m, E.copy()
-    if slow is None:
+    if (slow := clock(robot, period)) is None:
         return E
-    for k in range(robot.r):
-        if slow.every[k] > 1 or slow.age[k] > 0:
-            E[:, :n] += np.outer(E[:, n + k], H_x[n + k] @ np.linalg.pinv(H_x[:n]))
-            E[:, n + k] = 0
+    n, E = robot.m, E.copy()
+    late = n + np.flatnonzero((slow.every > 1) | (slow.age > 0))
+    E[:, :n] += E[:, late] @ H_x[late] @ np.linalg.pinv(H_x[:n])
+    E[:, late] = 0
     return E
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -25,8 +24,17 @@ def assumed_friction(chain: Chain) -> float:
     return chain.coulomb_friction or FRICTION * (chain.torque_limit or 0)
 
 
-def _of(group: str, default: float) -> Any:
-    return field(default=default, metadata={"group": group})
+#: Effects that are switched on and off together.
+GROUPS = {
+    "backlash": ("tool_backlash",),
+    "friction": ("motor_friction", "joint_friction"),
+    "compliance": ("arm_stiffness", "rod_stiffness"),
+    "thermal": ("warm_up", "base_expansion", "arm_expansion", "rod_expansion"),
+    "eccentricity": ("eccentricity",),
+    "quantization": ("quantization",),
+    "delay": ("delay",),
+    "ripple": ("torque_ripple",),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,23 +52,23 @@ class Effects:
     (0.0, 0.0)
     """
 
-    tool_backlash: float = _of("backlash", math.radians(0.1))
+    tool_backlash: float = math.radians(0.1)
     #: rad, whole width at the tool gear, as platform angle (×4 at the tool: 0.4°)
-    motor_friction: float = _of("friction", 0.1)  #: N·m (N on a slide), Coulomb, of each motor
-    joint_friction: float = _of("friction", 0.005)  #: N·m, Coulomb friction of each passive joint
-    arm_stiffness: float = _of("compliance", 2e4)
+    motor_friction: float = 0.1  #: N·m (N on a slide), Coulomb, of each motor
+    joint_friction: float = 0.005  #: N·m, Coulomb friction of each passive joint
+    arm_stiffness: float = 2e4
     #: N·m/rad, of each arm about its motor's axis, at the root
-    rod_stiffness: float = _of("compliance", 5e6)  #: N/m, of each rod of a chain, along it
-    warm_up: float = _of("thermal", 20.0)  #: K, rise of temperature
-    warm_up_time: float = _of("thermal", 7200.0)  #: s, which it takes, linearly
-    base_expansion: float = _of("thermal", 23e-6)  #: 1/K, of the base (aluminium)
-    arm_expansion: float = _of("thermal", 23e-6)  #: 1/K, of the arms (aluminium)
-    rod_expansion: float = _of("thermal", 1e-6)  #: 1/K, of the rods (carbon fibre along its layers)
-    eccentricity: float = _of("eccentricity", math.radians(0.02))
+    rod_stiffness: float = 5e6  #: N/m, of each rod of a chain, along it
+    warm_up: float = 20.0  #: K, rise of temperature
+    warm_up_time: float = 7200.0  #: s, which it takes, linearly
+    base_expansion: float = 23e-6  #: 1/K, of the base (aluminium)
+    arm_expansion: float = 23e-6  #: 1/K, of the arms (aluminium)
+    rod_expansion: float = 1e-6  #: 1/K, of the rods (carbon fibre along its layers)
+    eccentricity: float = math.radians(0.02)
     #: rad, first harmonic of every rotary encoder's shaft; random phase
-    quantization: float = _of("quantization", 1.0)  #: 1: readings have the file's counts; 0: none
-    delay: float = _of("delay", 1.0)  #: cycles, from a reading to its torque: 0 or 1
-    torque_ripple: float = _of("ripple", 0.01)  #: of the torque; 6 periods a turn, random phase
+    quantization: float = 1.0  #: 1: readings have the file's counts; 0: none
+    delay: float = 1.0  #: cycles, from a reading to its torque: 0 or 1
+    torque_ripple: float = 0.01  #: of the torque; 6 periods a turn, random phase
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -74,7 +82,7 @@ class Effects:
     @classmethod
     def groups(cls) -> tuple[str, ...]:
         """Return the names of effects that can be switched on and off."""
-        return tuple(dict.fromkeys(f.metadata["group"] for f in fields(cls)))
+        return tuple(GROUPS)
 
     @classmethod
     def none(cls) -> Effects:
@@ -86,17 +94,16 @@ class Effects:
         if not isinstance(self, Effects):
             raise InputError(f"without() needs an object: Effects().without({self!r})")
         for group in groups:
-            if group not in self.groups():
-                raise InputError(choose("effect", group, self.groups()))
-        off = [f.name for f in fields(self) if f.metadata["group"] in groups]
-        return replace(self, **{name: 0.0 for name in off if name != "warm_up_time"})
+            if group not in GROUPS:
+                raise InputError(choose("effect", group, GROUPS))
+        return replace(self, **{name: 0.0 for group in groups for name in GROUPS[group]})
 
     def only(self, *groups: str) -> Effects:
         """Return a copy with all other groups switched off."""
         if not isinstance(self, Effects):
             raise InputError(f"only() needs an object: Effects().only({self!r})")
         self.without(*groups)  # refuses unknown ones
-        return self.without(*(group for group in self.groups() if group not in groups))
+        return self.without(*GROUPS.keys() - set(groups))
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
         """Return the true robot's geometry some time, s, after a cold start.
@@ -176,10 +183,10 @@ class Effects:
         core.backlash = self.tool_backlash
         joints = 4 if robot.spec.mobility in PAIRED else 2
         friction = self.motor_friction + joints * self.joint_friction
-        core.friction = [friction] * robot.m + [0.0] * (_core.max_motors - robot.m)
+        core.friction = [friction] * robot.m
         core.arm_stiffness, core.rod_stiffness = self.arm_stiffness, self.rod_stiffness
         core.ripple = self.torque_ripple
-        phases = np.random.default_rng([check_seed(seed), 1]).uniform(0, 2 * math.pi, 6)
-        core.phase = phases.tolist()
+        rng = np.random.default_rng([check_seed(seed), 1])
+        core.phase = rng.uniform(0, 2 * math.pi, 6)
         core.delayed = bool(self.delay)
         return core

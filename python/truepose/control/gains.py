@@ -9,7 +9,6 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, finite_rows
 from truepose.control.effects import Effects
-from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses, worst
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
@@ -48,7 +47,7 @@ def poses(robot: Robot) -> Array:
 
 def kept(margin: Margin) -> bool:
     """Return whether a margin is at least `LEAST`."""
-    return all(has >= least for has, least in zip(margin, LEAST, strict=True))
+    return bool((np.array(margin) >= LEAST).all())
 
 
 @lru_cache(maxsize=64)
@@ -64,61 +63,50 @@ def choose(
     given settings. Results are cached. Raises InputError if there are none: the period is too long,
     the quantization too coarse, or friction too strong.
     """
-    refused = InputError()
+    reason, slowest = "", 0.0
     for scale in _SCALES if _core.laws[law].weighs else _SCALES[:1]:
         settings = replace(rest, sigma_scale=scale)
-        try:
-            loops = plants(robot, poses(robot), law, effects, settings)
-            return _chosen(robot, law, effects, Responses(loops), settings)
-        except InputError as error:
-            refused = error
-    raise refused
-
-
-def _chosen(
-    robot: Robot, law: Law, effects: Effects, everywhere: Responses, given: ControllerSettings
-) -> ControllerSettings:
-    home = Responses(everywhere.plants[:1])
-    read = robot if effects.quantization else robot.without_quantization()
-    rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
-
-    def poled(frequency: float, ratio: float) -> ControllerSettings:
-        return replace(given, frequency=frequency, velocity_bandwidth=ratio * frequency)
-
-    def lacks(gains: ControllerSettings, found: Responses) -> str:
-        margin = worst(found.margins(found.together(gains)))
-        if not kept(margin):
-            return _said(margin)
-        dither = float((found.dither(gains, read.reading_sigma) / robot.torque_limit).max())
-        if not dither <= _DITHER:
-            return f"counts and noise cause torques of {100 * dither:.2g} % of a motor's limit"
-        swing = found.limit_cycle(gains, read.resolution).max(axis=0)
-        if not (swing <= rest).all():
-            k = int((swing / rest).argmax())
-            length = rest[k] == REST[0]
-            far = f"{1e6 * swing[k]:.3g} µm" if length else f"{np.degrees(swing[k]):.2g}°"
-            return f"counts cause a limit cycle of {far}"
-        margin = worst(found.margins(found.alone(gains)))
-        if not kept(margin):
-            return f"{_said(margin)} of a motor or reading alone"
-        return "" if found.stable(gains).all() else "it is unstable"
-
-    slowest = float(np.clip(friction_poles(robot, effects), *_FREQUENCIES[[0, -1]]))
-    for frequency in (*_FREQUENCIES[slowest < _FREQUENCIES][::-1].tolist(), slowest):
-        for ratio in _RATIOS:
-            gains = poled(frequency, ratio)
-            if not (lacks(gains, home) or lacks(gains, everywhere)):
+        home, everywhere = (
+            Responses(robot, x, law, effects, settings) for x in (robot.home[None], poses(robot))
+        )
+        slowest = float(np.clip(friction_poles(robot, effects), *_FREQUENCIES[[0, -1]]))
+        faster = _FREQUENCIES[slowest < _FREQUENCIES][::-1].tolist()
+        for frequency, ratio in itertools.product((*faster, slowest), _RATIOS):
+            gains = replace(settings, frequency=frequency, velocity_bandwidth=ratio * frequency)
+            if not (_lack(gains, home) or _lack(gains, everywhere)):
                 return gains
-    widest = poled(slowest, _RATIOS[0])
-    stable = everywhere.stable(widest).all()
-    reason = lacks(widest, everywhere) if stable else "it is unstable"
-    held, why = "mm" if summed(robot).unit == "m" else "mrad", ""
-    if slowest > _FREQUENCIES[0]:
-        why = f" before friction shifts the platform by {1e3 * _HELD:g} {held}"
+        reason = _lack(
+            replace(settings, frequency=slowest, velocity_bandwidth=_RATIOS[0] * slowest),
+            everywhere,
+        )
+    held = "mm" if summed(robot).unit == "m" else "mrad"
+    friction = f" before friction shifts the platform by {1e3 * _HELD:g} {held}"
+    why = friction if slowest > _FREQUENCIES[0] else ""
     raise InputError(
-        f"{robot.name}: period {everywhere.period:g} s: the {law} law cannot hold it with 6 dB, "
+        f"{robot.name}: period {rest.period:g} s: the {law} law cannot hold it with 6 dB, "
         f"30° and two cycles to spare: at {slowest:.3g} rad/s, the slowest{why}, {reason}"
     )
+
+
+def _lack(gains: ControllerSettings, found: Responses) -> str:
+    """Return what gains do not keep; "": nothing."""
+    if not found.stable(gains).all():
+        return "it is unstable"
+    margin = worst(found.margins(found.together(gains)))
+    if not kept(margin):
+        return _said(margin)
+    dither = float(found.dither(gains).max())
+    if not dither <= _DITHER:
+        return f"counts and noise cause torques of {100 * dither:.2g} % of a motor's limit"
+    swing = found.limit_cycle(gains).max(axis=0)
+    rest = np.array([REST[unit == "rad"] for _, unit in found.read.coordinates])
+    k = int((swing / rest).argmax())
+    if not swing[k] <= rest[k]:
+        length = rest[k] == REST[0]
+        far = f"{1e6 * swing[k]:.3g} µm" if length else f"{np.degrees(swing[k]):.2g}°"
+        return f"counts cause a limit cycle of {far}"
+    margin = worst(found.margins(found.alone(gains)))
+    return "" if kept(margin) else f"{_said(margin)} of a motor or reading alone"
 
 
 def friction_poles(robot: Robot, effects: Effects) -> float:
@@ -127,14 +115,10 @@ def friction_poles(robot: Robot, effects: Effects) -> float:
     J, M = robot.jacobian(x), robot.mass_matrix(x)
     # J (JᵀMJ)⁺ is M⁻¹ Kᵀ.
     moves = np.abs(np.linalg.solve(M, np.linalg.pinv(J).swapaxes(-1, -2)))
-    moves = moves[:, summed(robot).columns]
-    off = moves @ np.array(effects.plant(robot).friction[: robot.m])
-    return float(np.sqrt(off.max(initial=0.0) / _HELD))
+    off = moves[:, summed(robot).columns].sum(axis=-1).max() * effects.plant(robot).friction[0]
+    return float(np.sqrt(off / _HELD))
 
 
 def _said(margin: Margin) -> str:
-    decibels = [20 * np.log10(margin.more), 20 * np.log10(margin.less)]
-    return (
-        f"{min(decibels):.3g} dB, {np.degrees(margin.phase):.3g}°, {margin.delay:.3g} cycles are "
-        "left"
-    )
+    decibels = 20 * np.log10(min(margin.more, margin.less))
+    return f"{decibels:.3g} dB, {np.degrees(margin.phase):.3g}°, {margin.delay:.3g} cycles are left"

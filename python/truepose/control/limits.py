@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -27,7 +27,7 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.robotfile.chains import Chain
 from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, number, tabled
 
 #: Causes of a stop, by the core's number.
 CAUSES: tuple[str, ...] = _core.stop_causes
@@ -138,10 +138,8 @@ class Limits:
             )
         if status > 0 and motor < 0 and controller.period <= LONGEST_PERIOD:
             raise PoseError(f"{robot.name}: limits, at home: {_core.describe(status)}")
-        given = [field.name for field in fields(self) if getattr(self, field.name) is not None]
+        given = [name for name in _ROWS if getattr(self, name) is not None]
         for name in given:
-            if name in ("box", "counter", "effects"):
-                continue
             value = getattr(self, name)
             if np.ndim(getattr(core, name)):
                 value = numbers_like(name, value, (robot.m,), "greater than 0")
@@ -153,9 +151,21 @@ class Limits:
                     f"box: must be lowest and highest coordinates, shape (2, {robot.n})"
                 )
             core.box_low, core.box_high = box[0], box[1]
-        result = SafetyLimits(robot, core, self.counter, frozenset(given))
-        result._require_consistent()
-        return result
+        status, motor = _core.consistent(core, robot.m, robot.n)
+        if status > 0 and motor < 0:
+            raise InputError(
+                f"safety: period {core.period:g} s and age {core.age} periods must be at most 10 "
+                f"ms together, missing and held too; saturation {core.saturation:g} s at least a "
+                "period"
+            )
+        if status > 0:
+            raise InputError(
+                f"safety: motor {motor + 1}: tracking {core.tracking[motor]:.4g} must be greater "
+                f"than a count ({core.count[motor]:.2g}) and at most deviation "
+                f"({core.deviation[motor]:.4g}); slew {core.slew[motor]:.4g} at least "
+                f"{2 * core.torque[motor] / LONGEST_PERIOD:.4g}"
+            )
+        return SafetyLimits(robot, core, self.counter, frozenset(given))
 
 
 @runtime_checkable
@@ -184,18 +194,16 @@ class SafetyLimits(Shown):
 
     def table(self) -> Table:
         """Return one row per limit: its value, of each motor where they differ, and derivation."""
-        units = reading_units(self.robot)[: self.robot.m]
-        rows = []
+        rows, reading = [], reading_units(self.robot)[0]
         for name, (kind, derived) in _ROWS.items():
-            value = getattr(self.core, name)
+            value, unit = getattr(self.core, name), kind
             if np.ndim(value):
-                motors = self.motors(name)
+                motors, unit = self.motors(name), _unit(kind, reading)
                 alike = np.ptp(motors) <= 1e-6 * motors[0]
                 text = ", ".join(number(v) for v in (motors[:1] if alike else motors))
                 cell = Cell(text, {f"motor {k}": float(v) for k, v in enumerate(motors, 1)})
             else:
                 cell = Cell(f"{value:g}", {"value": value})
-            unit = _unit(kind, units[0]) if np.ndim(value) else kind
             source = "given" if name in self.given else derived
             rows.append([Cell(f"{name} ({unit})", {"limit": name, "unit": unit}), cell, source])
         title = f"{self.robot.name}: limits of the control cycle"
@@ -229,11 +237,14 @@ class SafetyLimits(Shown):
         moves = any(unit == "m" for _, unit in self.robot.coordinates)
         speed, way, factor = ("m/s", "mm", 1e3) if moves else ("rad/s", "°", 180 / np.pi)
         rows = [
-            [number(v), *(number(factor * self.stopping_distance(v, c)) for c in (True, False))]
+            {
+                f"speed ({speed})": v,
+                f"with a counter ({way})": factor * self.stopping_distance(v, True),
+                f"without ({way})": factor * self.stopping_distance(v, False),
+            }
             for v in _SPEEDS
         ]
-        head = [f"speed ({speed})", f"with a counter ({way})", f"without ({way})"]
-        return Table("stops", "Stopping distance after frozen readings", head, rows)
+        return tabled("stops", "Stopping distance after frozen readings", rows)
 
     def __repr__(self) -> str:
         from truepose.show.terminal import laid_out
@@ -266,24 +277,6 @@ class SafetyLimits(Shown):
         """Raise PoseError if the guard did not start a run of so many rows."""
         if len(state) == 1 and (rows > 1 or state[0] != _RUNNING):
             raise not_started(self.robot, cause[0])
-
-    def _require_consistent(self) -> None:
-        status, motor = _core.consistent(self.core, self.robot.m, self.robot.n)
-        if status <= 0:
-            return
-        core = self.core
-        if motor < 0:
-            raise InputError(
-                f"safety: period {core.period:g} s and age {core.age} periods must be at most 10 "
-                f"ms together, missing and held too; saturation {core.saturation:g} s at least a "
-                "period"
-            )
-        raise InputError(
-            f"safety: motor {motor + 1}: tracking {core.tracking[motor]:.4g} must be greater than "
-            f"a count ({core.count[motor]:.2g}) and at most deviation "
-            f"({core.deviation[motor]:.4g}); slew {core.slew[motor]:.4g} at least "
-            f"{2 * core.torque[motor] / LONGEST_PERIOD:.4g}"
-        )
 
 
 def _rubbing(robot: Robot, effects: Effects) -> Robot:

@@ -7,9 +7,7 @@ backlash, quantization and ripple. A multirate or delayed sensor follows the mot
 correction by its samples is excluded too.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,23 +17,20 @@ from truepose.control import delays
 from truepose.control.effects import Effects
 from truepose.control.settings import ControllerSettings
 from truepose.exceptions import InputError
-from truepose.robot import Law, Robot, coordinates, rotation
+from truepose.robot import Law, Robot, rotation, rotation_vector
 from truepose.robot.batches import inverse
-from truepose.robot.frames import frames
 from truepose.robotfile.to_core import PAIRED
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is possible
 _STEP = 1e-5  # m and rad, of the platform: finite difference for the weight's stiffness
 
 
-_USUAL = ControllerSettings()
-
-
 @dataclass(frozen=True)
 class Plant:
     """A sampled plant at one pose, from torques to readings, and a law's matrix E.
 
-    y(k) = C s(k) + D u(k-1),  s(k+1) = A s(k) + B u(k),  u a torque that is `late` cycles old.
+    y(k) = C s(k) + D u(k-1),  s(k+1) = A s(k) + B u(k),  u an acceleration of the motors that was
+    commanded `late` cycles ago, and for which `inertia` gives the torque.
     """
 
     A: Array
@@ -49,52 +44,35 @@ class Plant:
     freedoms: int  #: of the platform
 
     def response(self, z: Array) -> tuple[Array, Array]:
-        """Return readings, (..., n + r, n), and the platform's twist, (..., n, n), per torque.
+        """Return readings, (..., n + r, n), and platform's twist, (..., n, n), per acceleration.
 
-        At points z, delay included.
+        Of the motors, as commanded; at points z, delay included.
         """
         z = z[..., None, None]
         states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B) / z**self.late
         return self.C @ states + self.D / z ** (1 + self.late), states[..., : self.freedoms, :]
 
-    def closed(self, gains: ControllerSettings, gain: float = 1.0) -> Array:
-        """Return the closed loop's matrix from one cycle to the next; `gain` scales its feedback.
+    def closed(self, gains: ControllerSettings) -> Array:
+        """Return the closed loop's matrix from one cycle to the next.
 
-        States: the plant's, delayed torques (the last acts), the tracking loops' ê_q and its rate,
-        and the integrals.
+        States: the plant's, the command that acted last, those that wait, the tracking loops' ê_q
+        and its rate, and the integrals.
         """
-        n, s, T = len(self.E), len(self.A), self.period
+        n, T = len(self.E), self.period
         p = np.exp(-gains.velocity_bandwidth * T)
         kp, kd = gains.frequency**2, 2 * gains.damping * gains.frequency
-        parts = np.cumsum([0, s, n, n * self.late, n, n, n])
-        plant, acted, waits, value, rate, total = (slice(a, b) for a, b in pairwise(parts))
-        one = np.eye(parts[-1])
-        error = self.E @ (self.C @ one[plant] + self.D @ one[acted])
-        news = error - one[value] - T * one[rate]
-        found = one[rate] + (1 - p) ** 2 / T * news
-        summed = one[total] + gains.integral * kp * T * error
-        command = -gain * self.inertia @ (kp * error + kd * found + summed)
-        queue = np.vstack([one[waits], command])  # the oldest acts
-        acts = queue[:n]
-        result = np.empty_like(one)
-        result[plant] = self.A @ one[plant] + self.B @ acts
-        result[acted] = acts
-        result[waits] = queue[n:]
-        result[value] = one[value] + T * one[rate] + (1 - p * p) * news
-        result[rate] = found
-        result[total] = summed
-        return result if gains.integral else result[: parts[-2], : parts[-2]]
-
-
-def plants(
-    robot: Robot,
-    poses: Iterable[Array],
-    law: Law,
-    effects: Effects,
-    settings: ControllerSettings = _USUAL,
-) -> list[Plant]:
-    """Linearize a controlled robot at poses; diagonal gains are placed at home."""
-    return [_plant(robot, x, law, effects, settings) for x in poses]
+        sizes = len(self.A), n * (1 + self.late), n, n, n
+        plant, commands, value, rate, total = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+        error = self.E @ (self.C @ plant + self.D @ commands[:n])
+        news = error - value - T * rate
+        found = rate + (1 - p) ** 2 / T * news
+        summed = total + gains.integral * kp * T * error
+        command = -kp * error - kd * found - summed
+        commands = np.vstack([commands[n:], command])  # the oldest acts
+        moved = self.A @ plant + self.B @ commands[:n]
+        tracked = value + T * rate + (1 - p * p) * news
+        result = np.vstack([moved, commands, tracked, found, summed])
+        return result if gains.integral else result[:-n, :-n]
 
 
 def gain_inertia(
@@ -108,111 +86,96 @@ def gain_inertia(
     return inertia if shaped else np.diag(np.diag(inertia))
 
 
-def _plant(
+def plant(
     robot: Robot, x: Array, law: Law, effects: Effects, settings: ControllerSettings
 ) -> Plant:
+    """Linearize a controlled robot at a pose; diagonal gains are placed at home."""
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
-    n, motors, chains, period = robot.n, robot.m, robot.spec.chain, settings.period
+    n, m, period = robot.n, robot.m, settings.period
     H_x, H_xi = robot.linearize(x, level="ideal")
-    M = robot.mass_matrix(x)
-    held, K = _turning(robot, x, M)
-    slope = (H_x[:motors] * K).sum(axis=1) / (K * K).sum(axis=1)
+    mass, turns, bends = _mechanics(robot, x, effects)
+    K = (turns - bends)[:, :n]
+    slope = (H_x[:m] * K).sum(axis=1) / (K * K).sum(axis=1)
     leak = robot.cross_sensitivity(x, law, sigma_scale=settings.sigma_scale)
     E = delays.carried(robot, -inverse(robot.jacobian(x)) @ leak, H_x, period)
     inertia = slope[:, None] * gain_inertia(robot, settings, x, robot.home)
 
-    # Platform, and rotors on compliant arms: see simulation/effects.hpp.
-    springy, own, left = _apart(robot, effects, M, K)
-    k = effects.arm_stiffness
-    damping = 2 * _ARM_DAMPING * np.sqrt(k * own)
-    arms, m = K[springy], len(springy)
-    viscous = np.diag([chain.viscous_friction for chain in chains])
-    s = 2 * n + 2 * m
-    at, speed, turn, spin = (
-        slice(a, a + b) for a, b in ((0, n), (n, n), (2 * n, m), (2 * n + m, m))
-    )
-    one = np.eye(s)
-    passed = k * (one[turn] - arms @ one[at])
-    passed += damping[:, None] * (one[spin] - arms @ one[speed])
-    rigid = [i for i in range(motors) if i not in springy]
-    A, B = np.zeros((s, s)), np.zeros((s, motors))
-    A[at], A[turn] = one[speed], one[spin]
-    force = arms.T @ passed - K.T @ viscous @ K @ one[speed] - _weight(robot, x, M, held) @ one[at]
-    A[speed] = np.linalg.solve(left, force)
-    B[speed] = np.linalg.solve(left, K[rigid].T @ np.eye(motors)[rigid])
-    A[spin] = -passed / own[:, None]
-    B[spin] = np.eye(motors)[springy] / own[:, None]
+    # Displacements of platform and rotors, then their speeds: see simulation/effects.hpp.
+    k, bodies = effects.arm_stiffness, len(mass)
+    damping = 2 * _ARM_DAMPING * np.sqrt(k * np.diag(turns @ mass @ turns.T)[:, None])
+    passed = np.hstack([k * bends, damping * bends])  # the arms' torques
+    force = bends.T @ passed
+    force[:n, :n] += _weight(robot, x)
+    viscous = [chain.viscous_friction for chain in robot.spec.chain]
+    force[:n, bodies : bodies + n] += (K.T * viscous) @ K
+    s = 2 * bodies
+    rates = np.zeros((s + m, s + m))
+    rates[:bodies, bodies:s] = np.eye(bodies)
+    rates[bodies:s] = np.linalg.solve(mass, np.hstack([-force, turns.T]))
     with np.errstate(over="ignore", invalid="ignore"):
-        whole = expm(period * np.block([[A, B], [np.zeros((motors, s + motors))]]))
+        whole = expm(period * rates)
     if not (np.abs(whole) < _FALLEN).all():
         raise InputError(f"{robot.name}: period {period:g} s: too long, the robot falls")
 
-    C, D = H_x @ one[at], np.zeros((motors + robot.r, motors))
-    C[springy] = slope[springy, None] * one[turn]
+    C, D = H_x @ np.eye(n, s), np.zeros((m + robot.r, m))
+    C[:m, :bodies] = slope[:, None] * turns
     if effects.rod_stiffness:  # rods deflect instantly, in proportion to their torque
         names = list(robot.parameters)
         rods = 2 if robot.spec.mobility in PAIRED else 1
-        carried = np.zeros((motors, s))
-        carried[springy] = passed
-        for i in range(motors):
-            leg = chains[i].actuator == "telescopic"
-            longer = H_xi[:, names.index(f"chain{i + 1}." + ("encoder_offset" if leg else "rod"))]
-            if leg:
-                longer = longer * robot.parameters[f"chain{i + 1}.gain"].value
-            # By virtual work the rod's force is the torque times ∂q/∂L.
-            yields = longer[i] / slope[i] / (rods * effects.rod_stiffness)
-            C += yields * np.outer(longer, carried[i])
-            if i in rigid:
-                D[:, i] += yields * longer
-    return Plant(whole[:s, :s], whole[:s, s:], C, D, E, inertia, period, int(effects.delay), n)
+        longer = np.eye(m + robot.r, m) * slope  # a leg is its motor's length
+        for i, chain in enumerate(robot.spec.chain):
+            if chain.actuator != "telescopic":
+                longer[:, i] = H_xi[:, names.index(f"chain{i + 1}.rod")]
+        # By virtual work the rod's force is the torque times ∂q/∂L.
+        D = longer * np.diag(longer) / slope / (rods * effects.rod_stiffness)
+        C += D @ passed
+        D[:, bends.any(axis=1)] = 0  # an arm's torque
+    A, B, late = whole[:s, :s], whole[:s, s:] @ inertia, int(effects.delay)
+    return Plant(A, B, C, D @ inertia, E, inertia, period, late, n)
 
 
 def ringing(robot: Robot, x: Array, effects: Effects) -> float:
     """Return the fastest frequency of rotors oscillating against their arms, rad/s; 0: none."""
-    M = robot.mass_matrix(x)
-    _, K = _turning(robot, x, M)
-    springy, own, left = _apart(robot, effects, M, K)
-    if not springy:
-        return 0.0
-    arms = K[springy]
-    squares = np.linalg.eigvals(np.diag(1 / own) + arms @ np.linalg.solve(left, arms.T)).real
+    mass, _, bends = _mechanics(robot, x, effects)
+    squares = np.linalg.eigvals(bends @ np.linalg.solve(mass, bends.T)).real
     return float(np.sqrt(effects.arm_stiffness * squares.max()))
 
 
-def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
-    """Return the torques at rest, and the matrix from the platform's to motor rates, (m, n)."""
+def _mechanics(robot: Robot, x: Array, effects: Effects) -> tuple[Array, Array, Array]:
+    """Return the mass matrix of the platform and of rotors on compliant arms.
+
+    And the motors' turns, (m, …), and the arms' deflections, (m, …), by the bodies' displacements.
+    """
+    M, n, still = robot.mass_matrix(x), robot.n, np.zeros(robot.n)
     if not np.linalg.eigvalsh(M).min() > 0:
         raise InputError(f"{robot.name}: has motions without inertia: add masses to its file")
-    still = np.zeros(robot.n)
     held = robot.inverse_dynamics(x, still, still)
-    ones = robot.acceleration(x, still, held + np.eye(robot.m))
-    # Row i: change of the acceleration by one unit of torque i, M⁻¹ Kᵀ.
-    return held, (ones - robot.acceleration(x, still, held)) @ M
-
-
-def _apart(robot: Robot, effects: Effects, M: Array, K: Array) -> tuple[list[int], Array, Array]:
-    """Return motors with compliant arms, their rotors' inertia, and the mass matrix without it."""
-    revolute = [i for i, chain in enumerate(robot.spec.chain) if chain.actuator == "revolute"]
-    springy = revolute if effects.arm_stiffness else []
-    own = np.zeros(len(springy))
-    for k, i in enumerate(springy):  # drive_inertia without its slender arm's
-        chain, arm = robot.spec.chain[i], robot.parameters[f"chain{i + 1}.arm"].value
-        own[k] = max(chain.drive_inertia - chain.arm_mass * arm**2 / 3, 0.1 * chain.drive_inertia)
-    return springy, own, M - K[springy].T @ (own[:, None] * K[springy])
+    # Row i: the acceleration by one unit of torque i, M⁻¹ Kᵀ, K from the platform to motor turns.
+    K = robot.acceleration(x, still, held + np.eye(robot.m)) @ M
+    chains = robot.spec.chain if effects.arm_stiffness else ()
+    springy = [i for i, chain in enumerate(chains) if chain.actuator == "revolute"]
+    own = np.zeros(robot.m)
+    for i in springy:  # drive_inertia without its slender arm's
+        chain, arm = chains[i], robot.parameters[f"chain{i + 1}.arm"].value
+        own[i] = max(chain.drive_inertia - chain.arm_mass * arm**2 / 3, 0.1 * chain.drive_inertia)
+    one = np.eye(n + len(springy))
+    rigid = K @ one[:n]
+    turns = rigid.copy()
+    turns[springy] = one[n:]
+    mass = one[:, :n] @ M @ one[:n] + (turns.T * own) @ turns - (rigid.T * own) @ rigid
+    return mass, turns, turns - rigid
 
 
 _ARM_DAMPING = 0.05  # ratio, of a rotor against its arm, as in the plant
 
 
-def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
+def _weight(robot: Robot, x: Array) -> Array:
     """Return the stiffness of a robot's weight under constant torques, along the free twist."""
-    steps = _STEP * np.vstack([np.eye(robot.n), -np.eye(robot.n)])
+    still, steps = np.zeros(robot.n), _STEP * np.vstack([np.eye(robot.n), -np.eye(robot.n)])
     poses = x + steps
     if robot.spec.mobility == "spatial":
-        frame = np.tile(frames(robot, x), (len(steps), 1, 1))
-        frame[:, :3, 3] += steps[:, :3]
-        frame[:, :3, :3] = rotation(steps[:, 3:]) @ frame[:, :3, :3]
-        poses = coordinates(robot, frame)
-    ahead, behind = np.split(robot.acceleration(poses, np.zeros(robot.n), held), 2)
-    return -M @ (ahead - behind).T / (2 * _STEP)
+        poses[:, 3:] = rotation_vector(rotation(steps[:, 3:]) @ rotation(x[3:]))
+    held = robot.inverse_dynamics(x, still, still)
+    ahead, behind = np.split(robot.acceleration(poses, still, held), 2)
+    return -robot.mass_matrix(x) @ (ahead - behind).T / (2 * _STEP)

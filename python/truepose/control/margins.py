@@ -11,7 +11,6 @@ from truepose.arguments import Array
 from truepose.control import gains
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
-from truepose.control.linear import plants
 from truepose.control.loci import Margin, Responses, worst
 from truepose.exceptions import InputError
 from truepose.robot import Law, Robot, as_rows, coordinate_axes, require_robot
@@ -53,23 +52,21 @@ class StabilityMargins(Shown):
 
     def table(self) -> Table:
         """Return one row a loop: its least margins, and the pose where they are least."""
-        rows = []
+        rows, axes = [], coordinate_axes(self.robot)
         for loop in self.loops:
             margin, pose = self.worst(loop), self.poses[self.worst_pose(loop)]
-            decibels = [20 * float(np.log10(times)) for times in (margin.more, margin.less)]
-            values = [*decibels, float(np.degrees(margin.phase)), margin.delay]
+            decibels = (20 * np.log10(times) for times in margin[:2])
+            values = [*map(float, (*decibels, np.degrees(margin.phase), margin.delay))]
             shown = [number(v) if np.isfinite(v) else Cell("any", v) for v in values]
             if not self.stable.all():
                 shown = [Cell("unstable", np.nan)] * len(values)
-            axes = coordinate_axes(self.robot)
             place = {a.label: float(a.factor * v) for a, v in zip(axes, pose, strict=True)}
-            text = " ".join(f"{v:.4g}" for v in place.values())
-            home = bool((pose == self.robot.home).all())
-            rows.append([loop, *shown, Cell("home" if home else text, place)])
+            home = (pose == self.robot.home).all()
+            text = "home" if home else " ".join(f"{v:.4g}" for v in place.values())
+            rows.append([loop, *shown, Cell(text, place)])
         names = "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"
-        header = ["loop", *names]
         law = self.controller.built_in
-        return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
+        return Table(f"margins_{law}", f"Margins under the law {law}", ["loop", *names], rows)
 
     def _draw(self, figure: Any) -> None:
         draw(figure, [self])
@@ -80,15 +77,16 @@ def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
     columns = min(len(found), 2)
     rows = -(-len(found) // columns)
     figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     least = {"xerr": np.degrees(gains.LEAST.phase), "yerr": 20 * np.log10(gains.LEAST.more)}
-    for axes, each in zip(panels, found, strict=False):
+    for k, each in enumerate(found, 1):
+        axes = figure.add_subplot(rows, columns, k)
         decibels = 20 * np.log10(np.abs(each.loci) + 1e-300)
         degrees = np.degrees(np.angle(each.loci)) % 360 - 360
-        degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 90] = np.nan  # a turn
+        # A locus begins, or turns.
+        degrees[np.abs(np.diff(degrees, axis=1, prepend=np.inf)) > 90] = np.nan
         worst = np.arange(len(each.poses)) == each.worst_pose(ALL)
         for some, colour, label in ((~worst, "0.7", "other poses"), (worst, "C3", "worst pose")):
-            curves = (np.column_stack([*of[some], [()] * len(of[0])]) for of in (degrees, decibels))
+            curves = (of[some].swapaxes(1, 2).ravel() for of in (degrees, decibels))
             axes.plot(*curves, color=colour, lw=0.8, label=label)
         axes.errorbar(-180, 0, **least, color="C0", lw=2, zorder=4, label="required margin")
         title = f"{each.controller.law}" + ("" if each.stable.all() else ": unstable")
@@ -96,10 +94,8 @@ def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
         axes.set(xlabel="phase (°)", ylabel="gain (dB)", xticks=range(-360, 1, 90))
         axes.grid(color="0.92")
         axes.label_outer()
-    for axes in panels[len(found) :]:
-        axes.set_visible(False)
-    by_label = dict(zip(*panels[0].get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(by_label.values(), by_label, loc="outside lower center", ncols=3, fontsize=9)
+    legend = axes.get_legend_handles_labels()
+    figure.legend(*legend, loc="outside lower center", ncols=3, fontsize=9)
     name = f"{found[0].robot.name}: open loops of all motors at once"
     figure.suptitle(name, fontsize=10, parse_math=False)
 
@@ -158,8 +154,7 @@ def stability_margins(
     elif period is not None:
         raise InputError("period: the Controller has its own")
     x = as_rows(robot, gains.poses(robot) if poses is None else poses, "poses", 1)
-    found = Responses(plants(robot, x, controller.built_in, effects, controller))
-    read = robot if effects.quantization else robot.without_quantization()
+    found = Responses(robot, x, controller.built_in, effects, controller)
     names = [*(f"motor {i + 1}" for i in range(robot.m)), *robot.readings]
     loci, alone = found.together(controller), found.alone(controller)
     loops = {ALL: found.margins(loci)}
@@ -173,6 +168,6 @@ def stability_margins(
         found.frequency,
         loci,
         found.stable(controller),
-        found.dither(controller, read.reading_sigma) / robot.torque_limit,
-        found.limit_cycle(controller, read.resolution),
+        found.dither(controller),
+        found.limit_cycle(controller),
     )

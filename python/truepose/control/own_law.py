@@ -27,11 +27,7 @@ def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
 def for_core(law: OwnLaw, robot: Robot) -> Callable[[list[float], list[float]], Array]:
     """Return an own law as the core calls it once per control period: vectors of its sizes."""
     n, width = robot.n, robot.m + robot.r
-
-    def error(x_d: list[float], q_e: list[float]) -> Array:
-        return motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[:width]))
-
-    return error
+    return lambda x_d, q_e: motor_error(law, robot, np.array(x_d[:n]), np.array(q_e[:width]))
 
 
 def equilibrium(
@@ -47,8 +43,7 @@ def equilibrium(
     rest = np.zeros(robot.n)
     if gravity:
         inertia = gain_inertia(robot, controller, x_d, start)
-        held = controller.feed_forward != "none"
-        fed = robot.inverse_dynamics(x_d, rest, rest) if held else rest
+        fed = (controller.feed_forward != "none") * robot.inverse_dynamics(x_d, rest, rest)
 
     def unbalanced(x: Array) -> Array:
         q_e = truth.extended_positions(x, errors="nan")
@@ -66,4 +61,4 @@ def equilibrium(
     # More motors than freedoms: as far as a motion of the platform corrects it.
     of = robot.jacobian(x_d) if robot.m > robot.n else np.eye(robot.n)
     found = root(lambda x: of @ unbalanced(x), begin, tol=1e-12)
-    return found.x, bool(np.abs(of @ unbalanced(found.x)).max() < 1e-9)
+    return found.x, bool(np.abs(found.fun).max() < 1e-9)

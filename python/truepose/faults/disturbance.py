@@ -89,25 +89,22 @@ class Disturbance:
 def events_of(robot: Robot, disturbances: Sequence[Disturbance]) -> list[_core.Event]:
     """Check the disturbances against a robot and return the core's."""
     require_all(disturbances, Disturbance, "disturbances")
-    events = []
+    events, motors = [], robot.readings[: robot.m]
     for disturbance in disturbances:
         event = _core.Event()
         event.kind = getattr(_core.DisturbanceKind, disturbance.kind)
-        event.begin = disturbance.at
-        if disturbance.size is not None:
-            event.size = disturbance.size
+        event.begin, event.size = disturbance.at, disturbance.size or 0.0
         if disturbance.until is not None:
             event.end = disturbance.until
-        motors = robot.readings[: robot.m]
         if disturbance.motor is not None:
             if disturbance.motor not in motors:
                 raise InputError(f"friction: {choose('motor', disturbance.motor, motors)}")
             event.motor = motors.index(disturbance.motor)
-        if (force := disturbance.force) is not None:
-            if len(force) != robot.n:
+        if disturbance.force is not None:
+            if len(disturbance.force) != robot.n:
                 said = f"must be {robot.n} finite numbers, one of every coordinate"
-                raise InputError(f"contact: force = {force}: {said}")
-            event.force = np.array(force, dtype=float)
+                raise InputError(f"contact: force = {disturbance.force}: {said}")
+            event.force = np.array(disturbance.force, dtype=float)
         events.append(event)
     return events
 
@@ -119,13 +116,13 @@ def named(run: Any) -> str:
         kind, motor = this = int(run.disturbance[k]), int(run.disturbed_motor[k])
         if kind == 0 or this == last:
             continue
-        last = this
+        last, name, begins = this, KINDS[kind], f"from {run.time[k]:.3f} s on"
         same = (run.disturbance == kind) & (run.disturbed_motor == motor)
-        size, begins = run.disturbance_size[same][-1], f"from {run.time[k]:.3f} s on"
-        if KINDS[kind] == "payload":
+        size = run.disturbance_size[same][-1]
+        if name == "payload":
             heavy = ", too heavy to be fed forward" if run.payload_refused.any() else ""
             said.append(f"payload of {size:.3g} kg {begins}{heavy}")
-        elif KINDS[kind] == "friction":
+        elif name == "friction":
             unit = "N·m" if reading_units(run.robot)[max(motor, 0)] == "rad" else "N"
             where = "all motors" if motor < 0 else f"q{motor + 1}"
             said.append(f"friction of {size:.2g} {unit} more at {where} {begins}")

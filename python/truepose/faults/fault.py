@@ -103,11 +103,8 @@ class Fault:
         if self.until is not None:
             finite(f"{said}: until", self.until)
             if not (row.lasts and self.until > self.at):
-                must = (
-                    f"must be greater than at, {self.at}"
-                    if row.lasts
-                    else "has no end; a bias may have one"
-                )
+                later = f"must be greater than at, {self.at}"
+                must = later if row.lasts else "has no end; a bias may have one"
                 raise InputError(f"{said}: until = {self.until}: {must}")
         if row.pair != (self.other is not None):
             must = "must name the reading that it is swapped with" if row.pair else "only of a swap"
@@ -124,16 +121,14 @@ def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list
     """Check the faults against a robot and return the core's; `period` is None for statics."""
     require_all(faults, Fault, "faults")
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
-    of_frames = [
-        kind
-        for kind, row in _core.fault_kinds.items()
-        if not (row.pair or row.size.startswith("reading"))
-    ]
     cores = []
     for fault in faults:
         frame = fault.reading == FRAME and FRAME not in units
-        if frame and fault.kind not in of_frames:
-            raise InputError(f"fault {fault}: {choose('kind of a frame', fault.kind, of_frames)}")
+        if frame:
+            kinds = _core.fault_kinds.items()
+            fit = [k for k, of in kinds if not (of.pair or of.size.startswith("reading"))]
+            if fault.kind not in fit:
+                raise InputError(f"fault {fault}: {choose('kind of a frame', fault.kind, fit)}")
         for name in units if frame else [fault.reading]:
             core = _of(robot, replace(fault, reading=name), units, period)
             core.frame = frame
@@ -142,7 +137,7 @@ def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list
 
 
 def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None) -> _core.Fault:
-    row, resting = _core.fault_kinds[fault.kind], period is None
+    row, core = _core.fault_kinds[fault.kind], _core.Fault()
 
     def require(good: bool, why: str) -> None:
         if not good:
@@ -150,23 +145,21 @@ def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None)
 
     for name in filter(None, (fault.reading, fault.other)):
         require(name in units, choose("reading", name, units))
-    still = ", ".join(kind for kind, row in _core.fault_kinds.items() if row.at_rest)
-    needs = f"needs time, which statics do not have (choices: {still})"
-    require(row.at_rest or not resting, needs)
-    timed = fault.at or fault.until is not None
-    require(not (resting and timed), "statics have no time: leave out at and until")
-    core = _core.Fault()
     core.kind, core.reading, core.begin = row.kind, robot.readings.index(fault.reading), fault.at
-    if fault.size is not None:
-        core.size = fault.size
-    if period and fault.kind == "delay":
+    core.size = fault.size or 0.0
+    if fault.until is not None:
+        core.end = fault.until
+    if period is None:
+        still = ", ".join(kind for kind, of in _core.fault_kinds.items() if of.at_rest)
+        require(row.at_rest, f"needs time, which statics do not have (choices: {still})")
+        timed = fault.at or fault.until is not None
+        require(not timed, "statics have no time: leave out at and until")
+    elif fault.kind == "delay":
         most = f"at most {_core.most_late} control periods of {period:g} s"
         require(core.size / period <= _core.most_late, most)
     if fault.kind == "coarse":
         core.count = float(robot.resolution[core.reading])
         require(core.count > 0, "this reading has no counts; use noise")
-    if fault.until is not None:
-        core.end = fault.until
     if fault.other is not None:
         own = units[fault.reading]
         fitting = [n for n, unit in units.items() if unit == own and n != fault.reading]

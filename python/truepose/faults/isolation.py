@@ -13,8 +13,8 @@ from truepose.arguments import Array, Level, finite_rows
 from truepose.calibration.parity import gate, parity, whitened
 from truepose.exceptions import InputError
 from truepose.faults.limits import FALSE_ALARM, require_inside
-from truepose.robot import Robot, flattened, reading_units, require_robot
-from truepose.show import PRINT, Cell, Shown, Table, number, ranges
+from truepose.robot import Robot, flattened, reading_axes, reading_units, require_robot
+from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Errors of a reading: constant, or proportional to itself.
 KINDS = ("bias", "gain")
@@ -74,10 +74,10 @@ class Isolation(Shown):
 
     def table(self) -> Table:
         """Return one row a hypothesis, the likeliest first."""
-        units = dict(zip(self.robot.readings, reading_units(self.robot), strict=True))
+        axes = {axis.name: axis for axis in reading_axes(self.robot)}
         rows, may_be = [], self.may_be
         for h in self.hypotheses:
-            factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
+            _, factor, unit = axes[h.reading] if h.kind == "bias" else ("", 100.0, "%")
             size = factor * h.size
             shown = Cell(f"{number(size)} {unit}", {"size": size, "unit": unit})
             sure = "yes" if h in may_be else "no"
@@ -155,7 +155,7 @@ def isolate(
     level = robot.highest_level if level is None else level
     model = robot.expected().with_level(level)
     rows, _ = flattened(model, readings, robot.m + robot.r, "readings", "nan")
-    evidence = partial(_evidence, model, level, model_error)
+    evidence = partial(_evidence, model, model_error)
     used, y, columns = evidence(rows)
     if not used.any():
         raise InputError(f"readings: none of {len(rows)} rows has a pose")
@@ -166,15 +166,14 @@ def isolate(
         for k, (kind, name) in enumerate(itertools.product(KINDS, robot.readings))
     ]
     bank.sort(key=lambda h: h.chi2)
-    for k in range(_LIKELY if total > limit else 0):
-        for _ in range(_AGAIN):  # linearize without the fault: a large one is nonlinear
-            h = bank[k]
-            c = robot.readings.index(h.reading)
-            healthy = rows.copy()
-            healthy[:, c] = rows[:, c] - h.size if h.kind == "bias" else rows[:, c] / (1 + h.size)
-            there, left, others = evidence(healthy)
-            if not there.all():
-                break
+    # Linearize without the fault: a large one is nonlinear.
+    for k in [*range(_LIKELY)] * _AGAIN if total > limit else ():
+        h = bank[k]
+        c = robot.readings.index(h.reading)
+        healthy = rows.copy()
+        healthy[:, c] = rows[:, c] - h.size if h.kind == "bias" else rows[:, c] / (1 + h.size)
+        there, left, others = evidence(healthy)
+        if there.all():
             column = others[:, c + KINDS.index(h.kind) * len(robot.readings)]
             bank[k] = _next(h, left, column)
     bank.sort(key=lambda h: h.chi2)
@@ -196,25 +195,23 @@ def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
     return replace(h, size=h.size + step, sigma=1 / math.sqrt(information), chi2=float(left @ left))
 
 
-def _evidence(
-    model: Robot, level: Level, model_error: bool, rows: Array
-) -> tuple[Array, Array, Array]:
+def _evidence(model: Robot, model_error: bool, rows: Array) -> tuple[Array, Array, Array]:
     """Return which rows have a pose, their parities and hypotheses' columns, of variance 1."""
     poses = model.fkm(rows[:, : model.m], errors="nan")
     # Singular poses have no parity.
-    regular = finite_rows(model.linearize(poses, "nan", level)[0])
+    regular = finite_rows(model.linearize(poses, "nan")[0])
     used = np.asarray(regular & finite_rows(rows))
     if not used.any():
         return used, np.zeros(0), np.zeros((0, 0))
-    found = parity(model, poses[used], level, model_error)
-    error = rows[used] - model.extended_positions(poses[used])
+    poses, rows = poses[used], rows[used]
+    found = parity(model, poses, model_error=model_error)
+    error = rows - model.extended_positions(poses)
     for k, unit in enumerate(reading_units(model)[model.m :], model.m):
         if unit == "rad":  # whole turns of a sensor are no fault
             turn = 2 * math.pi * abs(model.parameters[f"{model.readings[k]}.gain"].value)
             error[:, k] -= turn * np.round(error[:, k] / turn)
-    value = np.einsum("kri,ki->kr", found.signature, error)
     B = found.geometry.reshape(-1, found.geometry.shape[-1])
-    sides = (found.signature, found.signature * rows[used][:, None, :])  # of a bias, of a gain
-    parts = [side.reshape(len(B), -1) for side in sides]
-    rest = whitened(np.column_stack([*parts, value.ravel()]), B)
+    G, by = found.signature, rows[:, None]
+    sides = (G, G * by, G @ error[..., None])  # of a bias, of a gain, of the readings
+    rest = whitened(np.column_stack([side.reshape(len(B), -1) for side in sides]), B)
     return used, rest[:, -1], rest[:, :-1]

@@ -22,9 +22,9 @@ from truepose.robot import (
     flattened,
     knowledge,
     reading_axes,
-    require_answers,
     require_robot,
 )
+from truepose.robot.batches import at_poses
 from truepose.show import Cell, Shown, Table, number, ranges
 
 #: Hours per false alarm of a healthy robot; its probability in a test per cycle, at 1 kHz.
@@ -129,7 +129,8 @@ class Detectability(Shown):
         rows = []
         for c, (name, factor, unit) in enumerate(reading_axes(self.robot)):
             named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
-            cells = [limit_cell(factor * float(column[c])) for column in columns.values()]
+            limits = [factor * float(column[c]) for column in columns.values()]
+            cells = [number(v) if np.isfinite(v) else Cell("never", v) for v in limits]
             every = len(confused[name]) == len(self.robot.readings) - 1
             rivals = "all others" if every else " ".join(confused[name])
             rows.append([named, *cells[:3], rivals, *cells[3:]])
@@ -241,74 +242,74 @@ def detectability(
     rows, lead = flattened(model, poses, model.n, "poses", "raise")
     if not len(rows):
         raise InputError("poses: none")
-    found = parity(model, rows, level, model_error)
+    x = rows.reshape(*lead, robot.n)
+    found = parity(model, x, level, model_error)
     m = robot.m + robot.r
     r = m - robot.n
 
     at_rest = found.at_rest()
     gram = at_rest.swapaxes(-1, -2) @ at_rest
-    detected = _smallest(detectable(alpha, r, power), np.diagonal(gram, axis1=1, axis2=2))
-    left = unexplained(gram)  # inf from itself
-    apart = np.maximum(detected[..., None], _smallest(detectable(alpha, r - 1, power), left))
-    apart = np.where(np.eye(m, dtype=bool), detected[..., None], apart)
+    detected = _smallest(detectable(alpha, r, power), np.diagonal(gram, axis1=-2, axis2=-1))
+    # A reading from itself: inf of it is left, and inf / inf is no limit.
+    another = _smallest(detectable(alpha, r - 1, power), unexplained(gram))
+    apart = np.fmax(detected[..., None], another)
     # The difference of two readings has the noise of both, and no geometry.
     changed = np.square(found.signature).sum(axis=-2) / 2
     jump = np.minimum(detected, _smallest(detectable(alpha, r, power), changed))
 
     some = np.unique(np.linspace(0, len(rows) - 1, moving).round().astype(int))
-    information = Parity(found.signature[some], found.geometry[some]).information()
+    moved = (part.reshape(len(rows), *part.shape[-2:])[some] for part in found)
+    information = Parity(*moved).information()
     one = detectable(alpha, 1, power)
     return Detectability(
         robot,
         level,
         alpha,
         power,
-        Parity(*(part.reshape(*lead, *part.shape[1:]) for part in found)),
-        detected.reshape(*lead, m),
-        apart.reshape(*lead, m, m),
-        jump.reshape(*lead, m),
+        found,
+        detected,
+        apart,
+        jump,
         len(some),
         _smallest(one, np.diagonal(information)),
         _smallest(one, unexplained(information).min(axis=-1)),
-        _leakage(model, rows, lead, level, model_error),
+        _leakage(model, x, level, model_error),
         f"{bound.state_of(calibrated_on, None)}, {level} level",
     )
 
 
 def _smallest(length: float, square: Array) -> Array:
     """Return the smallest b with b² g² = length², inf where there is none."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # inf / inf: of a reading from itself
+    with np.errstate(divide="ignore", invalid="ignore"):
         return length / np.sqrt(square)
 
 
-def _leakage(
-    model: Robot, rows: Array, lead: tuple[int, ...], level: Level, model_error: bool
-) -> dict[Law, Array]:
+def _leakage(model: Robot, x: Array, level: Level, model_error: bool) -> dict[Law, Array]:
     """Return each law's pose error, m and rad, per unit of each reading's error."""
+    weighing, turns = model.with_level(level), angles(model)
     known = knowledge.in_control(model, level=level, error=model_error)
     result: dict[Law, Array] = {}
     for law, kind in _core.laws.items():
         if kind.sensed and not model.r:
             continue
-        weights = (model.with_level(level).core, known) if kind.weighs else (model.core, None)
-        leak, status, chain = _core.leakage(weights[0], kind.law, weights[1], rows)
-        require_answers(model, "pose", rows, lead, status, chain, "raise", "poses")
-        parts = [np.linalg.norm(leak[:, part], axis=1) for part in (~angles(model), angles(model))]
-        result[law] = np.stack(parts, axis=-1).reshape(*lead, -1, 2)
+        by = known if kind.weighs else None
+        (leak,) = at_poses(
+            weighing if kind.weighs else model,
+            x,
+            "raise",
+            lambda core, rows: _core.leakage(core, kind.law, by, rows),  # noqa: B023
+        )
+        parts = [np.linalg.norm(leak[..., part, :], axis=-2) for part in (~turns, turns)]
+        result[law] = np.stack(parts, axis=-1)
     return result
 
 
 def _harm(leakage: Array, limit: Array) -> Array:
-    used = leakage > UNUSED
-    return np.where(used, leakage, 0) * np.where(used, limit[..., None], 0)
+    out = np.zeros(leakage.shape)
+    return np.multiply(leakage, limit[..., None], out=out, where=leakage > UNUSED)
 
 
 def require_inside(name: str, value: float, low: float, high: float) -> None:
     """Raise InputError unless the value is a number between the two."""
     if not (isinstance(value, (int, float)) and low < value < high):
         raise InputError(f"{name} = {value!r}: must be greater than {low:g}, less than {high:g}")
-
-
-def limit_cell(value: float) -> Cell:
-    """Write a limit; inf: never."""
-    return number(value) if np.isfinite(value) else Cell("never", value)

@@ -154,7 +154,8 @@ class FaultMonitor:
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         known, slow = knowledge.in_control(yields), delays.settings(robot, controller.period)
         limits = None
-        if limited and _limits(robot).all() and controller.period <= LONGEST_PERIOD:
+        limitable = np.isfinite(robot.torque_limit).all() and controller.period <= LONGEST_PERIOD
+        if limited and limitable:
             limits = Limits(effects=self.effects).limits(robot, controller).core
         return _core.FaultTolerantSetup(finest.core, known, monitor, forces, slow, limits)
 
@@ -233,17 +234,14 @@ class Review(Shown):
         for c, name in enumerate(self.robot.readings):
             k = first(self.health[:, [c]])
             last = HEALTH[self.health[-1, c]] if len(self.health) else ""
-            reason = "" if k is None else self._why(c, k)
+            # Without an own symptom it is doubted.
+            reason = "" if k is None else SYMPTOMS[self.symptom[k, c]] or "disagrees"
             if k is None and self.untested:
                 last, reason = "not tested", self.untested
             rows.append([name, last, Cell("" if k is None else str(k), k), reason])
         title = f"{self.robot.name}: readings monitored over {len(self.health)} rows"
         header = ["reading", "health at the end", "not valid from", "why"]
         return Table("review", title, header, rows)
-
-    def _why(self, c: int, k: int) -> str:
-        """Return why a reading is not valid in row k: without an own symptom, it is doubted."""
-        return SYMPTOMS[self.symptom[k, c]] or "disagrees"
 
     def _draw(self, figure: Any) -> None:
         level = self.chi2 / np.maximum(self.freedom, 1)
@@ -285,8 +283,7 @@ def failures(robot: Robot, time: Array, health: Array, symptom: Array, stops: Ar
 def _fastest(robot: Robot) -> Array:
     """Return each reading's largest second derivative by the motor torque limits; 0: unknown."""
     most, status, _ = _core.fastest(robot.core, samples_or_home(robot, _POSES))
-    most = most[status <= 0]
-    return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.m + robot.r)
+    return _MARGIN * most[status <= 0].max(axis=0, initial=0.0)
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
@@ -318,40 +315,27 @@ def _moved(
     sticks = np.array([assumed_friction(chain) for chain in robot.spec.chain])
     if effects is not None:
         sticks = 3 * np.maximum(sticks, effects.plant(robot).friction[: robot.m])
-    away = sticks / _inertia(robot, controller)
-    if controller.gains == "inertia":  # one motor's friction moves the others, too
-        inertia = gain_inertia(robot, controller, robot.home, robot.home)
-        away = np.abs(np.linalg.pinv(inertia)) @ sticks
-    away /= controller.frequency**2
+    inertia = gain_inertia(robot, controller, robot.home, robot.home)
+    away = np.abs(np.linalg.pinv(inertia)) @ sticks / controller.frequency**2
     moved[: robot.m] += away
     return moved, away + _AWAY * robot.resolution[: robot.m]
 
 
 def _shaken(robot: Robot, controller: Controller) -> Array:
-    """Return the σ of white reading noise that drives each motor's torque to `_SHAKES`, rms."""
+    """Return the σ of white reading noise that drives each motor's torque to `_SHAKES`, rms.
+
+    0: unknown, without a torque limit.
+    """
     turn = np.exp(1j * np.linspace(0, np.pi, 1000))
     answer = np.sqrt(np.mean(np.abs(replace(controller, integral=0.0).transfer(turn)) ** 2))
-    return _SHAKES * _limits(robot) / (answer * _inertia(robot, controller))
-
-
-def _limits(robot: Robot) -> Array:
-    """Return the motors' torque limits; 0: unknown."""
-    return np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
-
-
-def _inertia(robot: Robot, controller: Controller) -> Array:
-    """Return each motor's inertia at home: torque over acceleration."""
-    diagonal = replace(controller, gains="diagonal")
-    return np.diag(gain_inertia(robot, diagonal, robot.home, robot.home))
+    inertia = np.diag(gain_inertia(robot, controller, robot.home, robot.home))
+    return _SHAKES * np.nan_to_num(robot.torque_limit, posinf=0.0) / (answer * inertia)
 
 
 def _range(robot: Robot) -> Array:
     """Return lowest and highest values of readings by motor stops and sensor ranges; 0, 0: none."""
-    ends = [sensor.range or (0.0, 0.0) for sensor in robot.spec.used]
-    for k, chain in list(enumerate(robot.spec.chain, 1))[::-1]:
-        gain, offset = (
-            robot.parameters[f"chain{k}.{name}"].value for name in ("gain", "encoder_offset")
-        )
-        low, high = sorted(gain * stop - offset for stop in chain.limits or (0.0, 0.0))
-        ends.insert(0, (low - _BEYOND, high + _BEYOND) if chain.limits else (0.0, 0.0))
-    return np.array(ends).T
+    ends = []
+    for k, chain in enumerate(robot.spec.chain):
+        stops = sorted(robot.core.motor_reading(k, stop) for stop in chain.limits or ())
+        ends.append((stops[0] - _BEYOND, stops[1] + _BEYOND) if stops else (0.0, 0.0))
+    return np.array([*ends, *(sensor.range or (0.0, 0.0) for sensor in robot.spec.used)]).T

@@ -31,14 +31,15 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
     """
     robot, n = found.robot, found.robot.m
     turns, units = angles(robot), reading_units(robot)
-    rest = np.zeros(robot.n)
-    rows = []
-    for i, chain in enumerate(robot.spec.chain):
-        off = np.minimum(found.detected.reshape(-1, n + robot.r)[:, i], MOST[units[i]])
-        leak = found.cross_sensitivity["joint"].reshape(-1, n + robot.r, 2)[:, i]
-        at = int((leak[:, int(turns.all())] * off).argmax())
-        x, q = poses[at], robot.ikm(poses[at])
-        q[i] -= off[at]
+    detected = found.detected.reshape(len(poses), -1)
+    leak = found.cross_sensitivity["joint"].reshape(len(poses), -1, 2)[..., int(turns.all())]
+    rest, rows = np.zeros(robot.n), []
+    for i, (chain, own) in enumerate(zip(robot.spec.chain, units, strict=False)):
+        most = np.minimum(detected[:, i], MOST[own])
+        at = int((leak[:, i] * most).argmax())
+        x, off = poses[at], float(most[at])
+        q = robot.ikm(x)
+        q[i] -= off
         there = robot.fkm(q, guess=x, errors="nan")
         moves = {
             unit: float(np.linalg.norm((there - x)[part]))
@@ -47,19 +48,16 @@ def undetected_motors(found: Detectability, poses: Array) -> Table:
         }
         change = (robot.rkm(there, errors="nan") - robot.rkm(x)).tolist()
         sensors = list(zip(robot.sensors, change, units[n:], strict=True))
-        told = (f"{s} {measured(abs(v), u)}" for s, v, u in sensors)
+        told = ", ".join(f"{s} {measured(abs(v), u)}" for s, v, u in sensors)
         hold = robot.inverse_dynamics(np.array([x, there]), rest, rest, errors="nan")
         torque, friction = np.abs(hold[1] - hold[0]).max(), assumed_friction(chain)
-        unit = "N·m" if units[i] == "rad" else "N"
+        unit = "N·m" if own == "rad" else "N"
         rows.append(
             [
                 robot.readings[i],
-                _cell({units[i]: float(off[at])}, "off"),
+                _cell({own: off}, "off"),
                 _cell(moves, "moves"),
-                Cell(
-                    ", ".join(told),
-                    {f"{s} ({PRINT[u][1]})": PRINT[u][0] * v for s, v, u in sensors},
-                ),
+                Cell(told, {f"{s} ({PRINT[u][1]})": PRINT[u][0] * v for s, v, u in sensors}),
                 Cell(
                     f"{number(torque)} {unit} ({number(friction)})",
                     {f"torque ({unit})": torque, f"friction ({unit})": friction},
@@ -77,16 +75,15 @@ def worst_of(table: Table) -> str:
         return float(next(iter(row[2].data.values())))  # type: ignore[attr-defined]
 
     motor, off, moves, sensors, torques = max(table.rows, key=way)
-    said = [f"the sensors by {sensors}"] if sensors else []
-    said.append(f"the torques at rest by {torques.replace('(', '(friction: ')}")
-    return f"Undetected at the worst pose: {motor} off by {off} moves the platform by {moves}, " + (
-        " and ".join(said) + "."
+    seen = f"the sensors by {sensors} and " if sensors else ""
+    return (
+        f"Undetected at the worst pose: {motor} off by {off} moves the platform by {moves}, {seen}"
+        f"the torques at rest by {torques.replace('(', '(friction: ')}."
     )
 
 
 def _cell(values: dict[str, float], what: str) -> Cell:
-    printed = [(*PRINT[unit], value) for unit, value in values.items()]
-    data = {f"{what} ({unit})": factor * value for factor, unit, value in printed}
-    if not np.isfinite(list(values.values())).all():
+    data = {f"{what} ({PRINT[u][1]})": PRINT[u][0] * value for u, value in values.items()}
+    if not np.isfinite([*values.values()]).all():
         return Cell("out of the workspace", data)
     return Cell(", ".join(measured(value, unit) for unit, value in values.items()), data)

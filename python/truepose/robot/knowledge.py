@@ -186,7 +186,6 @@ def knowledge(
     beside: Array | None = None,  #: (k,) σ of auxiliary unknowns on which no reading depends
     stretches: bool = False,  #: add the compliances, after those; last in `posterior`
     at_work: bool = False,  #: add these and then the conditions at work, likewise
-    sigma_scale: int = 1,  #: factor on the readings' σ
 ) -> Known:
     """Build the core's struct of parameter and reading covariances."""
     names, column = uncertain(robot), dict(columns(robot.spec))
@@ -202,7 +201,7 @@ def knowledge(
         posterior = beside_root(root(robot, names + more), free)
     whole[np.ix_(own, own)] = posterior[: p + last, : p + last]
     counts = error and not guarded
-    sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
+    sigma = stated_sigma(robot, level) if counts else reading_sigma(robot)
     return Known(_core.Knowledge(np.array(at), whole, sigma), p, len(errors), last)
 
 

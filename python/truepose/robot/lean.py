@@ -54,6 +54,7 @@ def inclination(robot: Robot, x: Array, lean: Array) -> Array:
     Zero but for inclinometers.
     """
     R = frames.frames(robot, x)[:, :3, :3]
+    ups = [np.einsum("kij,ki->kj", R, vertical(robot, of)) for of in (lean, np.zeros_like(lean))]
     result = np.zeros((len(x), robot.m + robot.r))
     for k in np.flatnonzero(gravity_referred(robot)):
         name = robot.readings[k]
@@ -62,12 +63,7 @@ def inclination(robot: Robot, x: Array, lean: Array) -> Array:
             for part in ("axis", "up")
         )
         side = np.cross(b, a / np.linalg.norm(a))
-
-        def turn(lean: Array, side: Array = side, b: Array = b) -> Array:
-            seen = np.einsum("kij,ki->kj", R, vertical(robot, lean))
-            return np.arctan2(seen @ side, seen @ b)
-
-        added = turn(lean) - turn(np.zeros_like(lean))
+        added = np.subtract(*(np.arctan2(up @ side, up @ b) for up in ups))
         gain = robot.parameters[f"{name}.gain"].value
         result[:, k] = gain * np.arctan2(np.sin(added), np.cos(added))
     return result
