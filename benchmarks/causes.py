@@ -187,11 +187,11 @@ class Made:
 def gained(case: Case, kind: str, words: str) -> float:
     """Return the log likelihood of the best true hypothesis over that of no mistake."""
     count = int(np.isfinite(case.log.readings[:, case.robot.n :]).sum())
-    base = case.fit(none := case.nothing())
+    base = (none := case.nothing()).fit()
     own = -GROSS * (count + case.robot.n * len(case.log.readings))
     own = own if base is None else evidence(base, none, count)
     true = [of for of in causes.CAUSES[kind](case) if words in of.text]
-    fits = [(of, fit) for of in true if (fit := case.fit(of)) is not None]
+    fits = [(of, fit) for of in true if (fit := of.fit()) is not None]
     return max((evidence(fit, of, count) - of.log_odds - own for of, fit in fits), default=-1.0)
 
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def _scaled(
         f"{case.named(which)}: {text}",
         log_odds=LN_RATE - math.log(among),
         density=-float(read) * math.log(abs(factor)),
-        lasts=factors if lasts else None,
+        lasts=(lambda _: (factors, 0 * factors)) if lasts else None,
     )
 
 
@@ -83,11 +84,20 @@ def gain(case: Case) -> Iterator[Hypothesis]:
             GAIN,
             f"{case.named(which)}: {its} reading over the true value is",
             size=Size("", gain=int(np.isfinite(case.log.readings[:, which]).sum())),
-            lasts=which,
+            lasts=partial(_gained, which),
         )
         for ratio in RATIOS:
             text = f"{ratio:g} times the true value: {its} gear or gain"
             yield _scaled(case, which, ratio, text, len(RATIOS))
+
+
+def _gained(which: Array, by: float) -> tuple[Array, Array]:
+    return 1 + which * by / (1 - by), np.zeros(len(which))
+
+
+def moved(which: Array, by: float) -> tuple[Array, Array]:
+    """Return the factors and shifts of columns that one amount moves."""
+    return np.ones(len(which)), which * by
 
 
 def common(case: Case) -> Iterator[Hypothesis]:
@@ -97,7 +107,8 @@ def common(case: Case) -> Iterator[Hypothesis]:
         if which.sum() > 1:
             unit, pattern = units[which][0], np.tile(1.0 * which, (len(case.log.readings), 1))
             text = f"{case.named(which)}: a common constant of"
-            yield case.with_pattern(pattern, COMMON[unit], text, size=Size(unit), lasts=which)
+            lasts = partial(moved, which)
+            yield case.with_pattern(pattern, COMMON[unit], text, size=Size(unit), lasts=lasts)
 
 
 def order(case: Case) -> Iterator[Hypothesis]:

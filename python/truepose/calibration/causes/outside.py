@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
 from truepose.calibration.causes.rows import later
-from truepose.calibration.expectation import poses_of
 from truepose.calibration.registration import Registration, registration_of
 from truepose.logs import orientation
 from truepose.logs.orientation import ORDERS, of_euler
@@ -29,12 +27,8 @@ NEARER = 0.5
 EQUAL = 1e-6
 
 
-class Candidate(NamedTuple):
-    """An outside measurement with a mistake undone."""
-
-    text: str
-    measured: Array  #: (N, n)
-    density: float = 0.0  #: as of the hypothesis
+#: An outside measurement with a mistake undone: what it was, (N, n), density as of the hypothesis.
+Candidate = tuple[str, Array, float]
 
 
 class View:
@@ -44,7 +38,7 @@ class View:
         self.robot = robot = case.robot.expected()
         self.names, self.angle = case.log.outside_names(robot), angles(robot)
         self.by = registration_of(case.options.registration)
-        self.x = poses_of(robot, case.log.readings[:, : robot.m])
+        self.x = case.x
         self.spatial = robot.spec.mobility == "spatial"
         self.moving = robot.spec.framed
         self.unknown = self.moving and any(self.by.base_sigma)
@@ -80,7 +74,7 @@ def nearer(
         return
     view, given = View(case), np.asarray(case.log.measured)
     every = list(made(view, given))
-    far = np.array([view.distance(of.measured) for of in every])
+    far = np.array([view.distance(measured) for _, measured, _ in every])
     limit = share * view.distance(given)
     before: list[float] = []
     for k in np.argsort(far, kind="stable"):
@@ -89,10 +83,10 @@ def nearer(
         if any(abs(far[k] - other) <= EQUAL * other for other in before):
             continue  # the same in an unknown frame
         before.append(float(far[k]))
-        of = every[k]
-        log = replace(case.log, measured=of.measured, euler=None, form="")
+        text, measured, density = every[k]
+        log = replace(case.log, measured=measured, euler=None, form="")
         odds = LN_RATE - math.log(len(every))
-        yield case.stated(of.text, log=log, log_odds=odds, density=of.density)
+        yield Hypothesis(text, replace(case, log=log), log_odds=odds, density=density)
 
 
 def axes(case: Case) -> Iterator[Hypothesis]:
@@ -103,7 +97,8 @@ def axes(case: Case) -> Iterator[Hypothesis]:
     known, view.by, view.unknown = view.distance(case.log.measured), Registration(), True
     if view.distance(case.log.measured) < NEARER * known:
         text = "in a frame of their own, not the base's: registration unknown"
-        yield case.stated(f"{', '.join(view.names)}: {text}", registration=view.by)
+        given = replace(case, options=replace(case.options, registration=view.by))
+        yield Hypothesis(f"{', '.join(view.names)}: {text}", given, registered=True)
 
 
 def _axes(view: View, given: Array) -> Iterator[Candidate]:
@@ -113,15 +108,15 @@ def _axes(view: View, given: Array) -> Iterator[Candidate]:
         moved[:, place] = given[:, place] @ P.T
         mirrored = np.linalg.det(P) < 0
         if len(turns) or mirrored or not view.unknown:
-            yield Candidate(_held(view, P, place, mirrored), moved)
+            yield _held(view, P, place, mirrored), moved, 0.0
         for turned in _turned(view, P, given[:, turns], mirrored) if len(turns) else ():
             both = moved.copy()
             both[:, turns] = turned
-            yield Candidate(_held(view, P, np.r_[place, turns], mirrored), both)
+            yield _held(view, P, np.r_[place, turns], mirrored), both, 0.0
     for P in _signed(len(turns)) if len(turns) else ():
         moved = given.copy()
         moved[:, turns] = given[:, turns] @ P.T
-        yield Candidate(_held(view, P, turns, False), moved)
+        yield _held(view, P, turns, False), moved, 0.0
 
 
 def _turned(view: View, P: Array, given: Array, mirrored: bool) -> Iterator[Array]:
@@ -201,7 +196,7 @@ def _euler(case: Case, given: Array) -> Iterator[Candidate]:
                 moved[read, 3:] = of_euler(angle[:, ::-1] if back else angle, order)
                 degrees = "; in degrees" * (factor != 1)
                 odds = -3.0 * float(read.sum()) * math.log(factor)
-                yield Candidate(text + degrees, moved, odds)
+                yield text + degrees, moved, odds
 
 
 def unit(case: Case) -> Iterator[Hypothesis]:
@@ -224,7 +219,7 @@ def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
             else:
                 moved[:, which] = raw / factor
             odds = -float(np.isfinite(raw).sum()) * math.log(factor)
-            yield Candidate(f"{names}: {text}", moved, odds)
+            yield f"{names}: {text}", moved, odds
 
 
 def shifted(case: Case) -> Iterator[Hypothesis]:
@@ -238,4 +233,4 @@ def _shifted(view: View, given: Array) -> Iterator[Candidate]:
     for size in range(1, min(LATE, len(given) // 4) + 1):
         for by in (size, -size):
             text = f"{names}: their rows are {size} too {'late' if by > 0 else 'early'}"
-            yield Candidate(text, later(given, by))
+            yield text, later(given, by), 0.0
