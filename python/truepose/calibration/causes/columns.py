@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -47,7 +46,7 @@ def _scaled(
         f"{case.named(which)}: {text}",
         log_odds=LN_RATE - math.log(among),
         density=-float(read) * math.log(abs(factor)),
-        lasts=(lambda _: (factors, 0 * factors)) if lasts else None,
+        lasts=factors if lasts else None,
     )
 
 
@@ -84,20 +83,11 @@ def gain(case: Case) -> Iterator[Hypothesis]:
             GAIN,
             f"{case.named(which)}: {its} reading over the true value is",
             size=Size("", gain=int(np.isfinite(case.log.readings[:, which]).sum())),
-            lasts=partial(_gained, which),
+            lasts=which,
         )
         for ratio in RATIOS:
             text = f"{ratio:g} times the true value: {its} gear or gain"
             yield _scaled(case, which, ratio, text, len(RATIOS))
-
-
-def _gained(which: Array, by: float) -> tuple[Array, Array]:
-    return 1 + which * by / (1 - by), np.zeros(len(which))
-
-
-def moved(which: Array, by: float) -> tuple[Array, Array]:
-    """Return the factors and shifts of columns that one amount moves."""
-    return np.ones(len(which)), which * by
 
 
 def common(case: Case) -> Iterator[Hypothesis]:
@@ -107,8 +97,7 @@ def common(case: Case) -> Iterator[Hypothesis]:
         if which.sum() > 1:
             unit, pattern = units[which][0], np.tile(1.0 * which, (len(case.log.readings), 1))
             text = f"{case.named(which)}: a common constant of"
-            lasts = partial(moved, which)
-            yield case.with_pattern(pattern, COMMON[unit], text, size=Size(unit), lasts=lasts)
+            yield case.with_pattern(pattern, COMMON[unit], text, size=Size(unit), lasts=which)
 
 
 def order(case: Case) -> Iterator[Hypothesis]:

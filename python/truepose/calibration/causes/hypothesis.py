@@ -100,10 +100,6 @@ class Case(Problem):
         return Linear(fit.rows, by, knowledge.reading_sigma(probed))
 
 
-#: What a machine keeps of a mistake of an amount: factors and shifts of its readings, (n + r,).
-Lasting = Callable[[float], tuple[Array, Array]]
-
-
 @dataclass(frozen=True)
 class Hypothesis:
     """One mistake, undone."""
@@ -117,7 +113,9 @@ class Hypothesis:
     #: log of the density of the log's readings over that of the undone ones
     density: float = 0.0
     kind: str = ""  #: of the table of causes
-    lasts: Lasting | None = None
+    #: (n + r,) what the machine keeps of the mistake: factors of its readings without an influence,
+    #: else the columns with the gain, or the constant, of the amount
+    lasts: Array | None = None
     leans: Callable[[Robot, float], Robot] | None = None  #: the robot leaning by the amount
     registered: bool = False  #: whether the registration is unknown in this hypothesis alone
 

@@ -1,6 +1,7 @@
 """The machine as it reads in a log's last row, where a mistake changed its readings for good."""
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,7 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
     factor · (gain · value - offset) + shift.
     """
     log, motor, others = of.given.log, fit.robot.spec.of_motor, fit.others
-    if not any(each.lasts or each.leans for each in of.each):
+    if all(each.lasts is None and each.leans is None for each in of.each):
         return fit, log
     keys = [(motor(k, "gain"), motor(k, "encoder_offset")) for k in range(fit.robot.m)]
     keys += [(f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors]
@@ -36,8 +37,17 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
         (each, every.index(each.influence) if each.influence else 0) for each in reversed(of.each)
     ]
 
-    def kept(values: Array) -> list[tuple[Array, Array]]:
-        return [each.lasts(values[k]) for each, k in acting if each.lasts]
+    def kept(values: Array) -> Iterator[tuple[Array, Array]]:
+        for each, k in acting:
+            if each.lasts is None:
+                continue
+            one, none = np.ones(len(keys)), np.zeros(len(keys))
+            if not each.influence:
+                yield each.lasts, none
+            elif each.size and each.size.gain:
+                yield one + each.lasts * values[k] / (1 - values[k]), none
+            else:
+                yield one, each.lasts * values[k]
 
     def after(values: Array) -> Array:
         result = values.copy()
@@ -78,7 +88,7 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
     prior, prior_covariance, _ = robot_of(fit.prior, usual, joint_prior(fit))
     readings = log.readings.copy()
     for each, k in acting:
-        if each.influence and each.lasts:
+        if each.influence and each.lasts is not None:
             readings -= values[k] * np.asarray(each.given.influences[-1].pattern)
     for factor, shift in kept(values):
         readings = factor * readings + shift

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from truepose.arguments import Array, finite_rows
+from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import LN_RATE, WIDE, Case, Hypothesis, Size
 from truepose.calibration.influences import stretch, tension
 from truepose.robot import Robot, knowledge, lean
@@ -156,16 +156,10 @@ def leant(robot: Robot, by: Array) -> Robot:
 
 def load(case: Case) -> Iterator[Hypothesis]:
     """A weight on the platform that stretches the rods."""
-    robot, x, good = case.robot.expected(), case.x, finite_rows(case.x)
-    if (
-        not good.any()
-        or robot.is_compliant
-        or not any(unit == "m" for _, unit in robot.coordinates)
-    ):
+    robot, pull = case.robot.expected(), np.zeros_like(case.log.readings)
+    if robot.is_compliant or "m" not in (unit for _, unit in robot.coordinates):
         return
-    pattern = np.zeros_like(case.log.readings)
-    pull = np.zeros_like(case.log.readings)[good]
-    pull[:, : robot.m] = tension(robot, x[good], (0.0, 0.0, -1.0))
-    pattern[good] = stretch(robot, x[good], pull)
+    x = np.where(np.isnan(case.x), robot.home, case.x)
+    pull[:, : robot.m] = tension(robot, x, (0.0, 0.0, -1.0))
     text = "a load on compliant rods, compliance times load"
-    yield case.with_pattern(pattern, LOAD, text, size=Size(""))
+    yield case.with_pattern(stretch(robot, x, pull), LOAD, text, size=Size(""))

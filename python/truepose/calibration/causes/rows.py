@@ -5,12 +5,11 @@ import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.causes.columns import alone_and_alike, moved
+from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
 from truepose.logs import Log
 from truepose.robot import reading_units
@@ -87,7 +86,7 @@ def slipped(case: Case) -> Iterator[Hypothesis]:
             step,
             text=f"{case.named(which)}: slipped before {case.log.at([row + 1])}, by",
             log_odds=LN_RATE - math.log(count) - (ALIKE if which.sum() > 1 else 0.0),
-            lasts=partial(moved, which),
+            lasts=which,
         )
 
 

@@ -215,7 +215,9 @@ def _persisting(
     """
     over = []
     rate = np.where(PERSISTING[:, 3] > 0, LN_RATE, 0.0)[:, None]
-    for each in found if base else []:
+    if base is None:
+        return []
+    for each in found:
         slips = [slip for slip in each.of.each if slip.kind == "slip"]
         if each.log_odds < found[0].log_odds - DECISIVE or not slips:
             continue
@@ -224,15 +226,13 @@ def _persisting(
             continue
         B, y, D, line, _, acting = fit.rows
         for slip in slips:
-            own = np.zeros(B.shape[1], dtype=bool)
-            own[acting[list(fit.influences).index(slip.influence)]] = True
-            both = _core.weigh(B[:, ~own], y, D, line, B[:, own], np.array([1]), PERSISTING)
+            k = acting[list(fit.influences).index(slip.influence)]
+            rest, end = np.delete(B, k, axis=1), np.array([1])
+            both = _core.weigh(rest, y, D, line, B[:, [k]], end, PERSISTING)
             over.append(float(np.diff((both + rate).max(axis=0))[0]) + slip.log_odds)
-    if base is None or not over:
-        return []
     text = "errors that persist from row to row, without a slip"
     of = replace(case.nothing(), text=text, kind="correlated rows")
-    return [Explained(of, base, found[0].log_odds - max(over))]
+    return [Explained(of, base, found[0].log_odds - max(over))] if over else []
 
 
 def _puzzling(found: list[Explained]) -> bool:
@@ -354,8 +354,9 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
         return Search(Causes("none" if agrees else "unexplained", causes), found, base)
     best = found[0]
     near = [each for each in found if each.log_odds > best.log_odds - DECISIVE]
-    same = [each for each in near if each is best or _exchangeable(best, each)]
-    other = [each for each in near if all(each is not of for of in same)]
+    same, other = [best], list[Explained]()
+    for each in near[1:]:
+        (same if _exchangeable(best, each) else other).append(each)
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
     # A step at the middle is there to rival slips. Alone it may be backlash, or any smooth error.
