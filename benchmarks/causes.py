@@ -261,8 +261,11 @@ def main() -> None:
         found, numbers = list[Found](), range(asked.first, asked.first + asked.logs)
         for of in pool.map(partial(searched, seed=asked.seed), numbers):
             found.append(of)
-            said = f"{of.number} {of.mistake}: decisive {of.decisive}, right {of.right}"
-            print(f"{said}, {of.seconds:.1f} s", flush=True)
+            print(
+                f"{of.number} {of.mistake}: decisive {of.decisive}, right {of.right}, "
+                f"{of.seconds:.1f} s",
+                flush=True,
+            )
         if found:
             show(found)
         good = list(pool.map(partial(clean, seed=asked.seed), range(asked.clean)))

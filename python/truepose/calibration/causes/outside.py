@@ -35,7 +35,7 @@ class View:
     """Motors' poses of a log, and the distance of outside measurements from them."""
 
     def __init__(self, case: Case):
-        self.robot = robot = case.robot.expected()
+        self.log, self.robot = case.log, (robot := case.robot.expected())
         self.names, self.angle = case.log.outside_names(robot), angles(robot)
         self.by = registration_of(case.options.registration)
         self.x = case.x
@@ -165,15 +165,10 @@ def _held(view: View, P: Array, columns: Array, mirrored: bool) -> str:
     return f"{said} (a frame turned by {by:.0f}°{about})"
 
 
-def euler(case: Case) -> Iterator[Hypothesis]:
+def euler(view: View, given: Array) -> Iterator[Candidate]:
     """Euler angles in place of a rotation vector, or of another convention."""
-    if case.robot.spec.mobility == "spatial":
-        yield from nearer(case, lambda view, given: _euler(case, given), 1.0)
-
-
-def _euler(case: Case, given: Array) -> Iterator[Candidate]:
-    raw, form = case.log.euler, case.log.form
-    if form == "quaternion":
+    raw, form = view.log.euler, view.log.form
+    if not view.spatial or form == "quaternion":
         return
     raw = given[:, 3:] if raw is None else raw
     read = finite_rows(raw)
@@ -199,12 +194,8 @@ def _euler(case: Case, given: Array) -> Iterator[Candidate]:
                 yield text + degrees, moved, odds
 
 
-def unit(case: Case) -> Iterator[Hypothesis]:
+def unit(view: View, given: Array) -> Iterator[Candidate]:
     """Measured lengths or angles in another unit."""
-    yield from nearer(case, lambda view, given: _unit(case, view, given))
-
-
-def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
     for angle in (False, True):
         which = view.angle == angle
         raw = given[:, which]
@@ -213,21 +204,17 @@ def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
         names = ", ".join(np.array(view.names)[which])
         for factor, text in UNITS["rad" if angle else "m"].items():
             moved = given.copy()
-            if angle and case.log.euler is not None:
-                read = finite_rows(case.log.euler)
-                moved[read, 3:] = of_euler(case.log.euler[read] / factor, case.log.form)
+            if angle and view.log.euler is not None:
+                read = finite_rows(view.log.euler)
+                moved[read, 3:] = of_euler(view.log.euler[read] / factor, view.log.form)
             else:
                 moved[:, which] = raw / factor
             odds = -float(np.isfinite(raw).sum()) * math.log(factor)
             yield f"{names}: {text}", moved, odds
 
 
-def shifted(case: Case) -> Iterator[Hypothesis]:
+def shifted(view: View, given: Array) -> Iterator[Candidate]:
     """The rows of the whole measurement shifted against the motors' and sensors'."""
-    yield from nearer(case, _shifted)
-
-
-def _shifted(view: View, given: Array) -> Iterator[Candidate]:
     some = np.isfinite(given).any(axis=0)
     names = ", ".join(np.array(view.names)[some])
     for size in range(1, min(LATE, len(given) // 4) + 1):
