@@ -11,7 +11,7 @@ from truepose.calibration.causes.hypothesis import Hypothesis
 from truepose.calibration.fit import Calibration, joint_prior
 from truepose.calibration.learnt import calibrated
 from truepose.logs import Log
-from truepose.robot import Robot, knowledge
+from truepose.robot import Robot
 
 #: σ of a gain or an offset without uncertainty, which keeps a covariance regular.
 EXACT = 1e-9
@@ -77,7 +77,7 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
             dict(zip(names, after(values)[some].tolist(), strict=False)),
             root,
             f"{before.source if before else ''}; as it reads in the log's last row",
-            knowledge.stated_error(robot) if before else None,
+            np.array([*before.model_error.values()]) if before else None,
         )
         for each, k in acting:
             result = each.leans(result, values[k]) if each.leans else result
