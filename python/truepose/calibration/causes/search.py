@@ -68,7 +68,7 @@ LIKELY, FITTED = 6, 10
 #: These are only fitted above a share of the largest log odds to first order, less so much, and
 #: above minus so much.
 ROUGH, FAR, NEAR = 0.3, 150.0, 30.0
-#: Rows by which these are compared; what a row without a pose counts.
+#: Rows by which these are compared; what each sensor counts in a row without a pose.
 COMPARED, WORST = 24, 30.0
 #: A log with more rows is searched by blocks of consecutive ones; then so many causes by all.
 ROWS, BLOCK, AGAIN = 120, 12, 5
@@ -338,7 +338,8 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> list[float]:
         x = poses_of(model, given.log.readings[:, :m])
         expected = model.extended_positions(x, errors="nan")
         off = _core.innovation(model.core, given.log.readings, expected)[0][:, m:]
-        each = np.nansum(np.log1p((off / sigma) ** 2), axis=1) + WORST * np.isnan(x[:, 0])
+        each = np.nansum(np.log1p((off / sigma) ** 2), axis=1)
+        each += WORST * max(model.r, 1) * np.isnan(x[:, 0])
         far = float(each.mean()) if len(rows) else 0.0
         if given.log.measured is not None:
             far += outside.View(given).distance(given.log.measured)
