@@ -1,6 +1,6 @@
 """Causes found in simulated logs with one known mistake; healthy logs that are refused.
 
-    python benchmarks/causes.py [--logs 1000] [--clean 1000] [--seed 0] [--jobs 2]
+    python benchmarks/causes.py [--logs 1000] [--first 0] [--clean 1000] [--seed 0] [--jobs 2]
 
 Real robots, every rod on its own, 60 poses. Sizes are 3 to 100 tolerances. A mistake is
 identifiable if its hypothesis gains at least 18 in log likelihood (6 σ) over no mistake. Errors of
@@ -62,6 +62,7 @@ Mistake = tuple[str, Callable[[np.ndarray], None]]
 class Found(NamedTuple):
     """The result of one search."""
 
+    number: int
     mistake: str
     decisive: bool
     right: bool
@@ -187,11 +188,11 @@ class Made:
 def gained(case: Case, kind: str, words: str) -> float:
     """Return the log likelihood of the best true hypothesis over that of no mistake."""
     count = int(np.isfinite(case.log.readings[:, case.robot.n :]).sum())
-    base = case.fit(none := case.nothing())
+    base = (none := case.nothing()).fit()
     own = -GROSS * (count + case.robot.n * len(case.log.readings))
     own = own if base is None else evidence(base, none, count)
     true = [of for of in causes.CAUSES[kind](case) if words in of.text]
-    fits = [(of, fit) for of in true if (fit := case.fit(of)) is not None]
+    fits = [(of, fit) for of in true if (fit := of.fit()) is not None]
     return max((evidence(fit, of, count) - of.log_odds - own for of, fit in fits), default=-1.0)
 
 
@@ -216,7 +217,7 @@ def searched(number: int, seed: int) -> Found:
         inverse = np.linalg.inv(sigma2[some])
         squares = np.einsum("ti,tij,tj->t", off[some], inverse, off[some])
         ratio2 = float(squares.mean() / made.robot.n)
-    return Found(name, decisive, right, able, seconds, ratio2)
+    return Found(number, name, decisive, right, able, seconds, ratio2)
 
 
 def clean(number: int, seed: int) -> str:
@@ -245,7 +246,7 @@ def show(found: list[Found]) -> None:
         by[of.mistake].append(of)
     print(f"{'mistake':18}{'logs':>6}{'decisive':>10}{'right':>7}{'identifiable':>14}{'right':>7}")
     for mistake, some in {**by, "all": found}.items():
-        decisive, able = ([of.right for of in some if of[k]] for k in (1, 3))
+        decisive, able = ([of.right for of in some if of[k]] for k in (2, 4))
         counts = f"{len(decisive):10}{sum(decisive):7}{len(able):14}{sum(able):7}"
         print(f"{mistake:18}{len(some):6}{counts}")
     ratios = [of.ratio2 for of in found if of.decisive and of.right]
@@ -255,10 +256,18 @@ def show(found: list[Found]) -> None:
 
 
 def main() -> None:
-    asked = arguments(__doc__, logs=1000, clean=1000, seed=0, jobs=2)
+    asked = arguments(__doc__, logs=1000, first=0, clean=1000, seed=0, jobs=2)
     with ProcessPoolExecutor(asked.jobs) as pool:
-        if asked.logs:
-            show(list(pool.map(partial(searched, seed=asked.seed), range(asked.logs))))
+        found, numbers = list[Found](), range(asked.first, asked.first + asked.logs)
+        for of in pool.map(partial(searched, seed=asked.seed), numbers):
+            found.append(of)
+            print(
+                f"{of.number} {of.mistake}: decisive {of.decisive}, right {of.right}, "
+                f"{of.seconds:.1f} s",
+                flush=True,
+            )
+        if found:
+            show(found)
         good = list(pool.map(partial(clean, seed=asked.seed), range(asked.clean)))
     print(f"healthy logs refused: {sum(map(bool, good))} of {len(good)}")
     print(*filter(None, good), sep="\n")

@@ -315,8 +315,8 @@ def test_the_share_of_causes_tried_is_told(h4_z):
 def test_a_hypothesis_is_given_up_after_some_iterations(h4_z):
     log = log_checks.log_of(h4_z, read(h4_z, **{"chain1.encoder_offset": 0.09})[1])
     case = Case(h4_z, log, CalibrationOptions(loss="squares"))
-    assert case.fit(case.nothing()).iterations > 2
-    assert case.fit(case.nothing(), iterations=2) is None
+    assert case.nothing().fit().iterations > 2
+    assert case.nothing().fit(iterations=2) is None
     with refused("the search ended after 2 steps: not converged", tp.PoseError):
         fit_to(replace(case, iterations=2))
 
@@ -351,7 +351,7 @@ def test_a_new_cause_is_a_function_and_an_entry(h4_z, monkeypatch):
 def test_the_hypothesis_of_nothing_is_the_log_itself(h4_z):
     log = log_checks.log_of(h4_z, read(h4_z)[1])
     none = Case(h4_z, log).nothing()
-    assert isinstance(none, Hypothesis) and none.log is log and none.log_odds == 0
+    assert isinstance(none, Hypothesis) and none.given.log is log and none.log_odds == 0
 
 
 def test_an_unknown_choice_is_refused(h4_z):

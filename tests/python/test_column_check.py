@@ -185,7 +185,7 @@ def test_every_mistake_is_undone_by_its_undoing(cases):
         made = [of for kind in (columns.unit, columns.sign, columns.order) for of in kind(case)]
         assert len({m.text for m in made}) == len(made)
         for mistake in made:
-            undone = np.abs(mistake.log.readings)[0]
+            undone = np.abs(mistake.given.log.readings)[0]
             if "they hold" in mistake.text:
                 names, held = mistake.text.split(": in another order, they hold ")
                 for column, name in zip(names.split(", "), held.split(", "), strict=True):

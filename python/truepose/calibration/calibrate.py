@@ -170,7 +170,7 @@ def explained(
             raise InputError(f"readings: {'; '.join(refused)}")
         return fit_to(case), none
     squares = case.options.loss == "squares"
-    robust = None if squares or refused else case.fit(none)
+    robust = None if squares or refused else none.fit()
     all_agree = robust is not None and not doubted(robust)  # then it is that of squares
     if robust is not None and not all_agree and agrees(robust):
         return robust, none
@@ -182,7 +182,7 @@ def explained(
     if causes.verdict == "decisive" and cause == "apply":
         of, fit = found[0].of, found[0].fit
         undone = f"undone: {causes.text}: {state(of, log)}"
-        fit = fit if squares else case.fit(of) or fit
+        fit = of.fit(options=of.by(case.options.loss).options) or fit
         return replace(fit, causes=causes, notes=(undone, *fit.notes)), of
     if causes.verdict in ("decisive", "undecided"):
         undo = "; cause='apply' undoes it" * (causes.verdict == "decisive")
@@ -206,7 +206,7 @@ def unexplained(case: Case, searched: Search, direct: bool) -> tuple[Calibration
     wide = tolerant(causes, found)
     of, near = (case.nothing(), base) if wide is None else (wide.of, wide.fit)
     try:
-        fit = near if direct and near is not None else fit_to(case.under(of))
+        fit = near if direct and near is not None else fit_to(of.by(case.options.loss))
     except PoseError as error:
         if said := of_no_length(case.robot, case.log):
             raise PoseError(f"{said} ({str(error).removesuffix(UNITS)})") from None
@@ -242,10 +242,10 @@ def unsound(fit: Calibration, wider: bool) -> str:
 def state(of: Hypothesis, log: Log) -> str:
     """Say which machine a calibrated robot is once the mistakes of a log are undone."""
     said = []
-    for each, before in zip(of.each, [log, *(each.log for each in of.each)], strict=False):
-        if each.log is not before and each.lasts is None:
+    for each, before in zip(of.each, [log, *(each.given.log for each in of.each)], strict=False):
+        if each.given.log is not before and each.lasts is None:
             said.append("a mistake of the log alone: the robot takes readings as its file says")
-        elif each.influences and each.lasts is None and not each.leans:
+        elif each.influence and each.lasts is None and not each.leans:
             said.append("not part of the robot, which is the machine without it")
         else:
             said.append("the robot is the machine as it reads in the log's last row")

@@ -79,7 +79,7 @@ def assess(
     out = np.arange(len(log.lines)) % FOLD == FOLD - 1
     if out.any():
         try:
-            rest = case.under(of).only(np.flatnonzero(~out))
+            rest = of.by(case.options.loss).only(np.flatnonzero(~out))
             part, _ = as_read(fit_to(replace(rest, differences=between.of(robot, rest.log))), of)
             held_out[out] = expected(part.robot, log.only(out), part.registration).residual
         except TrueposeError as error:

@@ -280,14 +280,14 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
         read = np.where(_alone(sled)[:, None] & (np.arange(4) > 1), np.nan, lengths)
         acting = influences(sled.fit.robot, sled.x, sled.model.tightened)
         case = Case(sled.fit.prior, log_of(read, lines, word), influences=acting)
-        fits = filter(None, map(case.fit, rows.slipped(case)))
+        fits = filter(None, (of.fit() for of in rows.slipped(case)))
         tried = [replace(sled, fit=fit, slips=()) for fit in fits]
         sigma = min([sled.sigma, *(sled.sigma * _disagreement(of) for of in tried)])
         nominal = robot_of(frame.start(lengths), sigma, sled.model)
         causes, found, _ = search(replace(case, robot=nominal))
         near = [(each, _slips(each.of.each)) for each in found[: causes.near]]
         large = [
-            min(abs(each.fit.influences[of.influences[-1].name].value) for of in slips) >= LEAST
+            min(abs(each.fit.influences[of.influence].value) for of in slips) >= LEAST
             for each, slips in near
             if slips
         ]
@@ -304,7 +304,7 @@ def without_slips(sled: Sled, lines: Array, word: str = "row") -> tuple[Sled, li
         others = {of.text.split(":")[0] for _, mistakes in near[1:] for of in mistakes}
         told = f", or {' or '.join(sorted(others))} did instead" * bool(others)
         named = [
-            replace(of.influences[-1], name=f"slip {k}")
+            replace(of.given.influences[-1], name=f"slip {k}")
             for k, of in enumerate(slips, len(sled.slips) + 1)
         ]
         sled = calibrate(sled.lengths, sled.model, (*sled.slips, *named))

@@ -14,12 +14,12 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
+from truepose.calibration.expectation import poses_of
 from truepose.calibration.fit import Calibration, LogRows, joint_prior
 from truepose.calibration.fitting import Problem, fit_to
 from truepose.calibration.influences import NuisanceParameter, relaxed
-from truepose.calibration.registration import Registration
+from truepose.calibration.options import Loss
 from truepose.exceptions import TrueposeError
-from truepose.logs import Log
 from truepose.robot import Robot, knowledge
 
 #: Assumed probability that a given part is wrong, or that a given mistake was made.
@@ -39,46 +39,7 @@ class Size(NamedTuple):
     """How a cause's amount is printed."""
 
     unit: str  #: m or rad; "" for a factor
-    parameter: str = ""  #: relaxed parameter, else the amount of the hypothesis' own influence
     gain: int | None = None  #: for an amount a, true = (1 - a) read, of so many readings
-
-
-@dataclass(frozen=True, kw_only=True)
-class Hypothesis:
-    """One mistake, undone: the log and the robot as they would be without it."""
-
-    text: str  #: what is wrong; the size follows it
-    log: Log
-    robot: Robot
-    influences: tuple[NuisanceParameter, ...] = ()
-    wide: Mapping[str, float] = field(default_factory=dict)  #: σ of parameters, beside their own
-    size: Size | None = None
-    log_odds: float = LN_RATE  #: of it before any reading, against no mistake
-    #: log of the density of the log's readings over that of the undone ones
-    density: float = 0.0
-    first: Hypothesis | None = None  #: another mistake, undone before
-    kind: str = ""  #: of the table of causes
-    #: (n + r,) what the machine keeps of the mistake: factors of its readings without an influence,
-    #: else the columns with the gain, or the constant, of the amount
-    lasts: Array | None = None
-    leans: Callable[[Robot, float], Robot] | None = None  #: the robot leaning by the amount
-    registration: Registration | None = None  #: in place of the case's
-
-    @property
-    def each(self) -> tuple[Hypothesis, ...]:
-        """The mistakes, the one undone first at the front."""
-        return (*(self.first.each if self.first else ()), self)
-
-    def measured(self, fit: Calibration) -> tuple[float, float] | None:
-        """Return the size of the mistake that is undone last and its σ; None without a size."""
-        if self.size is None:
-            return None
-        name = self.size.parameter
-        known = fit.parameters[name] if name else fit.influences[self.influences[-1].name]
-        size, sigma = known.value - known.prior, known.sigma
-        if self.size.gain is not None:
-            size, sigma = 1 / (1 - size), sigma / (1 - size) ** 2
-        return size, sigma
 
 
 @dataclass(frozen=True)
@@ -91,84 +52,105 @@ class Case(Problem):
         """Return the names of columns of the log, (n + r,) bool."""
         return ", ".join(np.array(self.log.names)[columns])
 
-    def under(self, of: Hypothesis) -> Case:
-        """Return the case that is left when a mistake is undone."""
-        options = self.options
-        if of.registration is not None:
-            options = replace(options, registration=of.registration)
-        influences = (*self.influences, *of.influences)
-        robot = relaxed(of.robot, of.wide, "relaxed") if of.wide else of.robot
-        return replace(
-            self, robot=robot, log=of.log, options=options, influences=influences, first=of
-        )
+    @cached_property
+    def x(self) -> Array:
+        """Poses of the log by its motors and the expected robot, (N, n)."""
+        return poses_of(self.robot.expected(), self.log.readings[:, : self.robot.m])
 
     def only(self, rows: Array) -> Case:
         """Return the case of some rows."""
         influences = [replace(of, pattern=np.asarray(of.pattern)[rows]) for of in self.influences]
         return replace(self, log=self.log.only(rows), influences=influences)
 
-    def beside(self, of: Hypothesis) -> Hypothesis:
-        """Return a hypothesis of this case as one of the case before its first mistake."""
-        if self.first is None:
-            return of
-        return replace(
-            of,
-            influences=(*self.first.influences, *of.influences),
-            registration=of.registration or self.first.registration,
-            log_odds=self.first.log_odds + of.log_odds,
-            first=self.first,
-        )
-
-    def fit(
-        self, of: Hypothesis, rows: Array | None = None, iterations: int | None = None
-    ) -> Calibration | None:
-        """Return the calibration under a hypothesis, to some rows; None without an answer."""
-        case = self.under(of) if rows is None else self.under(of).only(rows)
-        try:
-            return fit_to(replace(case, iterations=iterations or self.iterations))
-        except TrueposeError:
-            return None
-
-    def stated(self, text: str, **of: Any) -> Hypothesis:
-        """Return a hypothesis of this log and robot."""
-        return Hypothesis(**{"text": text, "log": self.log, "robot": self.robot, **of})
-
     def nothing(self) -> Hypothesis:
         """Return the hypothesis that nothing is wrong."""
-        return self.stated("nothing", log_odds=0.0)
+        return Hypothesis("nothing", self, log_odds=0.0)
 
     def with_readings(self, readings: Array, text: str, **of: Any) -> Hypothesis:
         """Return a hypothesis with other readings."""
-        return self.stated(text, log=replace(self.log, readings=readings), **of)
+        return Hypothesis(text, replace(self, log=replace(self.log, readings=readings)), **of)
 
-    def with_pattern(self, pattern: Array, sigma: float, text: str, **of: Any) -> Hypothesis:
+    def with_pattern(
+        self, pattern: Array, sigma: float, text: str, mean: float = 0.0, **of: Any
+    ) -> Hypothesis:
         """Return a hypothesis of an additive error of known pattern, (N, n + r)."""
         name = f"cause {len(self.first.each if self.first else ()) + 1}"
-        acting = NuisanceParameter(name=name, pattern=pattern, amount=(0.0, sigma))
-        return self.stated(text, influences=(acting,), **of)
+        acting = NuisanceParameter(name=name, pattern=pattern, amount=(mean, sigma))
+        given = replace(self, influences=(*self.influences, acting))
+        return Hypothesis(text, given, influence=name, **of)
 
     @cached_property
     def linear(self) -> Linear | None:
         """The log's rows about the calibration without a mistake, as far as that comes; or None."""
-        robot, options = self.robot, replace(self.options, loss="squares")
         exact = {
             name: PROBE
-            for name, p in robot.parameters.items()
+            for name, p in self.robot.parameters.items()
             if p.sigma == 0 and name.endswith(("encoder_offset", "rod", "arm", ".length", "offset"))
         }
-        probed = relaxed(robot, exact, "probed") if exact else robot
-        fit = None
-        for steps in (LINEAR, 0):  # on the way a geometry may be none
-            near = replace(self, robot=probed, options=options, keeps_rows=True, iterations=steps)
-            with contextlib.suppress(TrueposeError), warnings.catch_warnings(action="ignore"):
-                fit = fit or fit_to(near)
+        probed = relaxed(self.robot, exact, "probed")
+        options = replace(self.options, loss="squares")
+        none = replace(self, robot=probed, options=options, keeps_rows=True).nothing()
+        with warnings.catch_warnings(action="ignore"):  # on the way a geometry may be none
+            fit = none.fit(iterations=LINEAR) or none.fit(iterations=0)
         if fit is None or fit.rows is None:
             return None
         root = knowledge.root(probed, list(fit.names))
         B = np.linalg.solve(root.T, fit.rows.B[:, fit.rows.geometry].T)
-        return Linear(
-            fit.rows, dict(zip(fit.names, B, strict=True)), knowledge.reading_sigma(robot)
-        )
+        by = dict(zip(fit.names, B, strict=True))
+        return Linear(fit.rows, by, knowledge.reading_sigma(probed))
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One mistake, undone."""
+
+    text: str  #: what is wrong; the size follows it
+    given: Case  #: the log and the robot as they would be without it
+    influence: str = ""  #: name of the case's last influence, if that is the mistake's
+    wide: Mapping[str, float] = field(default_factory=dict)  #: σ of parameters, beside their own
+    size: Size | None = None
+    log_odds: float = LN_RATE  #: of it before any reading, against no mistake
+    #: log of the density of the log's readings over that of the undone ones
+    density: float = 0.0
+    kind: str = ""  #: of the table of causes
+    #: (n + r,) what the machine keeps of the mistake: factors of its readings without an influence,
+    #: else the columns with the gain, or the constant, of the amount
+    lasts: Array | None = None
+    leans: Callable[[Robot, float], Robot] | None = None  #: the robot leaning by the amount
+    registered: bool = False  #: whether the registration is unknown in this hypothesis alone
+
+    @property
+    def each(self) -> tuple[Hypothesis, ...]:
+        """The mistakes, the one undone first at the front."""
+        return (*(self.given.first.each if self.given.first else ()), self)
+
+    @property
+    def case(self) -> Case:
+        """The case that is left when the mistake is undone."""
+        robot = self.given.robot
+        robot = relaxed(robot, self.wide, "relaxed") if self.wide else robot
+        return replace(self.given, robot=robot, first=self)
+
+    def by(self, loss: Loss) -> Case:
+        """Return that case with another loss."""
+        return replace(self.case, options=replace(self.given.options, loss=loss))
+
+    def fit(self, rows: Array | None = None, **changes: Any) -> Calibration | None:
+        """Return the calibration under the hypothesis, to some rows; None without an answer."""
+        case = self.case if rows is None else self.case.only(rows)
+        with contextlib.suppress(TrueposeError):
+            return fit_to(replace(case, **changes))
+        return None
+
+    def measured(self, fit: Calibration) -> tuple[float, float] | None:
+        """Return the size of the mistake and its σ; None without a size."""
+        if self.size is None:
+            return None
+        known = {**fit.parameters, **fit.influences}[self.influence or next(iter(self.wide))]
+        size, sigma = known.value - known.prior, known.sigma
+        if self.size.gain is not None:
+            size, sigma = 1 / (1 - size), sigma / (1 - size) ** 2
+        return size, sigma
 
 
 @dataclass(frozen=True)
@@ -184,13 +166,11 @@ class Linear:
         if of.wide:
             known = [self.by[name] * by for name, by in of.wide.items() if name in self.by]
             return np.transpose(known) if len(known) == len(of.wide) else None
-        if not of.influences:
+        if not of.influence or (self.rows.line < 0).any():
             return None
-        if (self.rows.line < 0).any():
-            return None
-        last = of.influences[-1]
-        P = self.by_row(np.asarray(last.pattern)) / self.sigma
-        return np.asarray((self.rows.D * P).sum(axis=1, keepdims=True) * last.amount[1])
+        acting = of.given.influences[-1]
+        P = self.by_row(np.asarray(acting.pattern)) / self.sigma
+        return np.asarray((self.rows.D * P).sum(axis=1, keepdims=True) * acting.amount[1])
 
     def by_row(self, values: Array) -> Array:
         """Return the log's values, (N, …), for these rows; 0 for a known pose or a difference."""
@@ -224,14 +204,15 @@ def evidence(fit: Calibration, of: Hypothesis, most: int) -> float:
     """
     after, prior = (np.linalg.slogdet(of)[1] for of in (fit.joint_covariance, joint_prior(fit)))
     cost = fit.cost + max(most - equations(fit), 0) + 2 * GROSS * fit.robot.m * lost(fit)
-    density = 0.0
+    odds = 0.0
     for mistake in of.each:
         part = mistake.density
         if mistake.size is not None and mistake.size.gain and (found := mistake.measured(fit)):
             part -= mistake.size.gain * math.log(abs(found[0]))
-        density += part * len(fit.x) / len(mistake.log.readings)  # fitted to some rows
-    if of.registration and (by := fit.registration) is not None:  # which no other hypothesis has
+        fitted = len(fit.x) / len(mistake.given.log.readings)  # to some rows
+        odds += part * fitted + mistake.log_odds
+    if of.registered and (by := fit.registration) is not None:
         own = by.covariance - by.cross.T @ np.linalg.solve(fit.covariance, by.cross)
         free = by.sigma > 0
-        density += np.linalg.slogdet(own[np.ix_(free, free)])[1] / 2 - np.log(by.sigma[free]).sum()
-    return float(-cost / 2 + (after - prior) / 2 + density + of.log_odds)
+        odds += np.linalg.slogdet(own[np.ix_(free, free)])[1] / 2 - np.log(by.sigma[free]).sum()
+    return float(-cost / 2 + (after - prior) / 2 + odds)

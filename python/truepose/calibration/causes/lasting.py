@@ -1,5 +1,7 @@
 """The machine as it reads in a log's last row, where a mistake changed its readings for good."""
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,87 +25,81 @@ def as_read(fit: Calibration, of: Hypothesis) -> tuple[Calibration, Log]:
     Gains, offsets and gravity of the robot take what the mistakes changed for good: reading =
     factor · (gain · value - offset) + shift.
     """
-    names, others, m = list(fit.names), list(fit.others), fit.robot.m
-    acting = [
-        (each, others.index(each.influences[-1].name) if each.influences else -1)
-        for each in of.each
-        if each.lasts is not None or each.leans
+    log, motor, others = of.given.log, fit.robot.spec.of_motor, fit.others
+    if all(each.lasts is None and each.leans is None for each in of.each):
+        return fit, log
+    keys = [(motor(k, "gain"), motor(k, "encoder_offset")) for k in range(fit.robot.m)]
+    keys += [(f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors]
+    parameters = list(dict.fromkeys([*fit.names, *itertools.chain(*keys)]))
+    gains, offsets = np.array([[parameters.index(key) for key in pair] for pair in keys]).T
+    every = [*parameters, *others]
+    acting = [  # the mistake undone first acts last
+        (each, every.index(each.influence) if each.influence else 0) for each in reversed(of.each)
     ]
-    if not acting:
-        return fit, of.log
-    known = [*fit.parameters.values(), *fit.others.values()]
-    values, usual = np.array([(of.value, of.prior) for of in known]).T
-    p = len(names)
 
-    def change(amounts: Array) -> tuple[Array, Array]:
-        factor, shift = np.ones(m + fit.robot.r), np.zeros(m + fit.robot.r)
-        for each, k in reversed(acting):  # the mistake undone first acts last
+    def kept(values: Array) -> Iterator[tuple[Array, Array]]:
+        for each, k in acting:
             if each.lasts is None:
                 continue
-            if k < 0:
-                scale, step = each.lasts, 0 * shift
+            one, none = np.ones(len(keys)), np.zeros(len(keys))
+            if not each.influence:
+                yield each.lasts, none
             elif each.size and each.size.gain:
-                scale, step = 1 + each.lasts * amounts[k] / (1 - amounts[k]), 0 * shift
+                yield one + each.lasts * values[k] / (1 - values[k]), none
             else:
-                scale, step = 1 + 0 * factor, each.lasts * amounts[k]
-            factor, shift = factor * scale, shift * scale + step
-        return factor, shift
+                yield one, each.lasts * values[k]
 
-    factor, shift = change(values[p:])
-    named = fit.robot.spec.of_motor
-    keys = [(named(k, "gain"), named(k, "encoder_offset")) for k in range(m)]
-    keys += [(f"{name}.gain", f"{name}.offset") for name in fit.robot.sensors]
-    changed = [keys[k][0] for k in np.flatnonzero(factor != 1)]
-    changed += [keys[k][1] for k in np.flatnonzero((factor != 1) | (shift != 0))]
-    every = list(dict.fromkeys([*names, *changed]))
-    q = len(every)
+    def after(values: Array) -> Array:
+        result = values.copy()
+        for factor, shift in kept(values):
+            result[gains] *= factor
+            result[offsets] = factor * result[offsets] - shift
+        return result
 
-    def after(robot: Robot, unknowns: Array) -> Array:
-        known = {name: robot.parameters[name].mean for name in every}
-        known |= zip(names, unknowns[:p].tolist(), strict=True)
-        by, step = change(unknowns[p:])
-        for k, (gain, offset) in enumerate(keys):
-            if gain in known:
-                known[gain] *= by[k]
-            if offset in known:
-                known[offset] = by[k] * known[offset] - step[k]
-        return np.array([*known.values(), *unknowns[p:]])
+    def values_of(robot: Robot, amounts: list[float]) -> Array:
+        return np.array([*(robot.parameters[name].mean for name in parameters), *amounts])
 
-    def robot_of(robot: Robot, unknowns: Array, covariance: Array) -> tuple[Robot, Array, Array]:
-        by = STEP * np.eye(len(unknowns))
-        T = np.array([after(robot, unknowns + d) - after(robot, unknowns - d) for d in by]).T
-        T /= 2 * STEP
-        joint = T @ covariance @ T.T
-        joint[range(p, q), range(p, q)] += EXACT**2
+    values = values_of(fit.robot, [other.value for other in others.values()])
+    uncertain = np.array([name in {*fit.names, *others} for name in every])
+    some = np.flatnonzero(uncertain | (after(values) != values))
+    names = [every[k] for k in some[: -len(others) or None]]
+    p, q = len(fit.names), len(names)
+
+    def robot_of(robot: Robot, values: Array, covariance: Array) -> tuple[Robot, Array, Array]:
+        by = STEP * np.eye(len(values))[uncertain]
+        T = np.array([after(values + d) - after(values - d) for d in by]).T[some] / (2 * STEP)
+        joint = T @ covariance @ T.T + np.diag(EXACT**2 * ~uncertain[some])
         sigma = sigmas_of(joint[:q, :q])
         root = sigma[:, None] * np.linalg.cholesky(joint[:q, :q] / np.outer(sigma, sigma))
         before = robot.spec.calibration
         result = calibrated(
             robot,
-            dict(zip(every, after(robot, unknowns).tolist(), strict=False)),
+            dict(zip(names, after(values)[some].tolist(), strict=False)),
             root,
             f"{before.source if before else ''}; as it reads in the log's last row",
             np.array([*before.model_error.values()]) if before else None,
         )
         for each, k in acting:
-            result = each.leans(result, unknowns[p + k]) if each.leans else result
+            result = each.leans(result, values[k]) if each.leans else result
         return result, joint, T
 
     robot, joint, T = robot_of(fit.robot, values, fit.joint_covariance)
+    usual = values_of(fit.prior, [other.prior for other in others.values()])
     prior, prior_covariance, _ = robot_of(fit.prior, usual, joint_prior(fit))
-    readings = of.log.readings - sum(
-        values[p + k] * np.asarray(each.influences[-1].pattern)
-        for each, k in acting
-        if k >= 0 and each.lasts is not None
-    )
+    readings = log.readings.copy()
+    for each, k in acting:
+        if each.influence and each.lasts is not None:
+            readings -= values[k] * np.asarray(each.given.influences[-1].pattern)
+    for factor, shift in kept(values):
+        readings = factor * readings + shift
     seen = fit.registration
     fit = replace(
         fit,
         robot=robot,
         prior=prior,
-        names=tuple(every),
+        names=tuple(names),
         prior_covariance=prior_covariance[:q, :q],
         joint_covariance=joint,
         registration=seen and replace(seen, cross=T[:q, :p] @ seen.cross),
     )
-    return fit, replace(of.log, readings=factor * readings + shift)
+    return fit, replace(log, readings=readings)

@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import DEGREES, UNITS, reordered
 from truepose.calibration.causes.hypothesis import LN_RATE, Case, Hypothesis
 from truepose.calibration.causes.rows import later
-from truepose.calibration.expectation import poses_of
 from truepose.calibration.registration import Registration, registration_of
 from truepose.logs import orientation
 from truepose.logs.orientation import ORDERS, of_euler
@@ -29,22 +27,18 @@ NEARER = 0.5
 EQUAL = 1e-6
 
 
-class Candidate(NamedTuple):
-    """An outside measurement with a mistake undone."""
-
-    text: str
-    measured: Array  #: (N, n)
-    density: float = 0.0  #: as of the hypothesis
+#: An outside measurement with a mistake undone: what it was, (N, n), density as of the hypothesis.
+Candidate = tuple[str, Array, float]
 
 
 class View:
     """Motors' poses of a log, and the distance of outside measurements from them."""
 
     def __init__(self, case: Case):
-        self.robot = robot = case.robot.expected()
+        self.log, self.robot = case.log, (robot := case.robot.expected())
         self.names, self.angle = case.log.outside_names(robot), angles(robot)
         self.by = registration_of(case.options.registration)
-        self.x = poses_of(robot, case.log.readings[:, : robot.m])
+        self.x = case.x
         self.spatial = robot.spec.mobility == "spatial"
         self.moving = robot.spec.framed
         self.unknown = self.moving and any(self.by.base_sigma)
@@ -80,7 +74,7 @@ def nearer(
         return
     view, given = View(case), np.asarray(case.log.measured)
     every = list(made(view, given))
-    far = np.array([view.distance(of.measured) for of in every])
+    far = np.array([view.distance(measured) for _, measured, _ in every])
     limit = share * view.distance(given)
     before: list[float] = []
     for k in np.argsort(far, kind="stable"):
@@ -89,10 +83,10 @@ def nearer(
         if any(abs(far[k] - other) <= EQUAL * other for other in before):
             continue  # the same in an unknown frame
         before.append(float(far[k]))
-        of = every[k]
-        log = replace(case.log, measured=of.measured, euler=None, form="")
+        text, measured, density = every[k]
+        log = replace(case.log, measured=measured, euler=None, form="")
         odds = LN_RATE - math.log(len(every))
-        yield case.stated(of.text, log=log, log_odds=odds, density=of.density)
+        yield Hypothesis(text, replace(case, log=log), log_odds=odds, density=density)
 
 
 def axes(case: Case) -> Iterator[Hypothesis]:
@@ -103,7 +97,8 @@ def axes(case: Case) -> Iterator[Hypothesis]:
     known, view.by, view.unknown = view.distance(case.log.measured), Registration(), True
     if view.distance(case.log.measured) < NEARER * known:
         text = "in a frame of their own, not the base's: registration unknown"
-        yield case.stated(f"{', '.join(view.names)}: {text}", registration=view.by)
+        given = replace(case, options=replace(case.options, registration=view.by))
+        yield Hypothesis(f"{', '.join(view.names)}: {text}", given, registered=True)
 
 
 def _axes(view: View, given: Array) -> Iterator[Candidate]:
@@ -113,15 +108,15 @@ def _axes(view: View, given: Array) -> Iterator[Candidate]:
         moved[:, place] = given[:, place] @ P.T
         mirrored = np.linalg.det(P) < 0
         if len(turns) or mirrored or not view.unknown:
-            yield Candidate(_held(view, P, place, mirrored), moved)
+            yield _held(view, P, place, mirrored), moved, 0.0
         for turned in _turned(view, P, given[:, turns], mirrored) if len(turns) else ():
             both = moved.copy()
             both[:, turns] = turned
-            yield Candidate(_held(view, P, np.r_[place, turns], mirrored), both)
+            yield _held(view, P, np.r_[place, turns], mirrored), both, 0.0
     for P in _signed(len(turns)) if len(turns) else ():
         moved = given.copy()
         moved[:, turns] = given[:, turns] @ P.T
-        yield Candidate(_held(view, P, turns, False), moved)
+        yield _held(view, P, turns, False), moved, 0.0
 
 
 def _turned(view: View, P: Array, given: Array, mirrored: bool) -> Iterator[Array]:
@@ -170,15 +165,10 @@ def _held(view: View, P: Array, columns: Array, mirrored: bool) -> str:
     return f"{said} (a frame turned by {by:.0f}°{about})"
 
 
-def euler(case: Case) -> Iterator[Hypothesis]:
+def euler(view: View, given: Array) -> Iterator[Candidate]:
     """Euler angles in place of a rotation vector, or of another convention."""
-    if case.robot.spec.mobility == "spatial":
-        yield from nearer(case, lambda view, given: _euler(case, given), 1.0)
-
-
-def _euler(case: Case, given: Array) -> Iterator[Candidate]:
-    raw, form = case.log.euler, case.log.form
-    if form == "quaternion":
+    raw, form = view.log.euler, view.log.form
+    if not view.spatial or form == "quaternion":
         return
     raw = given[:, 3:] if raw is None else raw
     read = finite_rows(raw)
@@ -201,15 +191,11 @@ def _euler(case: Case, given: Array) -> Iterator[Candidate]:
                 moved[read, 3:] = of_euler(angle[:, ::-1] if back else angle, order)
                 degrees = "; in degrees" * (factor != 1)
                 odds = -3.0 * float(read.sum()) * math.log(factor)
-                yield Candidate(text + degrees, moved, odds)
+                yield text + degrees, moved, odds
 
 
-def unit(case: Case) -> Iterator[Hypothesis]:
+def unit(view: View, given: Array) -> Iterator[Candidate]:
     """Measured lengths or angles in another unit."""
-    yield from nearer(case, lambda view, given: _unit(case, view, given))
-
-
-def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
     for angle in (False, True):
         which = view.angle == angle
         raw = given[:, which]
@@ -218,24 +204,20 @@ def _unit(case: Case, view: View, given: Array) -> Iterator[Candidate]:
         names = ", ".join(np.array(view.names)[which])
         for factor, text in UNITS["rad" if angle else "m"].items():
             moved = given.copy()
-            if angle and case.log.euler is not None:
-                read = finite_rows(case.log.euler)
-                moved[read, 3:] = of_euler(case.log.euler[read] / factor, case.log.form)
+            if angle and view.log.euler is not None:
+                read = finite_rows(view.log.euler)
+                moved[read, 3:] = of_euler(view.log.euler[read] / factor, view.log.form)
             else:
                 moved[:, which] = raw / factor
             odds = -float(np.isfinite(raw).sum()) * math.log(factor)
-            yield Candidate(f"{names}: {text}", moved, odds)
+            yield f"{names}: {text}", moved, odds
 
 
-def shifted(case: Case) -> Iterator[Hypothesis]:
+def shifted(view: View, given: Array) -> Iterator[Candidate]:
     """The rows of the whole measurement shifted against the motors' and sensors'."""
-    yield from nearer(case, _shifted)
-
-
-def _shifted(view: View, given: Array) -> Iterator[Candidate]:
     some = np.isfinite(given).any(axis=0)
     names = ", ".join(np.array(view.names)[some])
     for size in range(1, min(LATE, len(given) // 4) + 1):
         for by in (size, -size):
             text = f"{names}: their rows are {size} too {'late' if by > 0 else 'early'}"
-            yield Candidate(text, later(given, by))
+            yield text, later(given, by), 0.0

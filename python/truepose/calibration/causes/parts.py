@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from truepose.arguments import Array, finite_rows
+from truepose.arguments import Array
 from truepose.calibration.causes.hypothesis import LN_RATE, WIDE, Case, Hypothesis, Size
-from truepose.calibration.expectation import poses_of
 from truepose.calibration.influences import stretch, tension
 from truepose.robot import Robot, knowledge, lean
 from truepose.robot.units import unit_of
@@ -50,7 +49,7 @@ def wrong(case: Case, texts: Mapping[str, str]) -> Iterator[Hypothesis]:
 def _wide(case: Case, names: Sequence[str], text: str) -> Hypothesis:
     known, unit = case.robot.parameters, unit_of(case.robot, names[0])
     wide = {name: WIDE * (known[name].sigma or EXACT[unit]) for name in names}
-    return case.stated(text, wide=wide, size=Size(unit, names[0]) if len(names) == 1 else None)
+    return Hypothesis(text, case, wide=wide, size=Size(unit) if len(names) == 1 else None)
 
 
 def joint(case: Case) -> Iterator[Hypothesis]:
@@ -79,8 +78,9 @@ def homed_again(case: Case) -> Iterator[Hypothesis]:
     known = case.robot.parameters
     names = [name for name in known if name.endswith("encoder_offset") and known[name].sigma > 0]
     if case.robot.spec.calibration and len(names) > 1:
-        yield case.stated(
+        yield Hypothesis(
             "the motors were homed again since the last calibration (rehomed)",
+            case,
             wide={name: AGAIN_HOMED * known[name].sigma for name in names},
         )
 
@@ -90,8 +90,9 @@ def tolerances(case: Case) -> Iterator[Hypothesis]:
     if factor := _factor(case, 1):
         known, names = case.robot.parameters, knowledge.learnable(case.robot)
         before = "the last calibration's σ" if case.robot.spec.calibration else "the tolerances"
-        yield case.stated(
+        yield Hypothesis(
             f"{before} seem too small by a factor of about {factor:g}",
+            case,
             wide={name: math.sqrt(factor**2 - 1) * known[name].sigma for name in names},
             log_odds=LN_RATE - math.log(len(FACTORS)),
         )
@@ -107,9 +108,9 @@ def noise(case: Case) -> Iterator[Hypothesis]:
     factor = _factor(case, 0) if read else 0.0
     if not factor:
         return
-    yield case.stated(
+    yield Hypothesis(
         f"the readings seem noisier than stated by a factor of about {factor:g}",
-        robot=knowledge.with_noise(robot, factor),
+        replace(case, robot=knowledge.with_noise(robot, factor)),
         log_odds=LN_RATE - math.log(len(FACTORS)),
         density=-float(read) * math.log(factor),
     )
@@ -117,36 +118,34 @@ def noise(case: Case) -> Iterator[Hypothesis]:
 
 def leaning(case: Case) -> Iterator[Hypothesis]:
     """A base, or a shank, that leans: every inclinometer sees the vertical elsewhere."""
-    robot = case.robot.expected()
-    if not lean.gravity_referred(robot).any():
+    if not lean.gravity_referred(case.robot.expected()).any():
         return
-    x, linear = poses_of(robot, case.log.readings[:, : robot.m]), case.linear
+    linear = case.linear
     for axis in range(2):
-        of = _leaning(case, x, axis, 0.0)
-        if np.abs(np.asarray(of.influences[0].pattern)).max(initial=0) < 1e-3:
+        of = _leaning(case, axis, 0.0)
+        if np.abs(np.asarray(of.given.influences[-1].pattern)).max(initial=0) < 1e-3:
             continue
         by = linear.columns(of) if linear else None
         less = linear and by is not None and np.diff(linear.weigh([by]))[0] < 0
         for _ in range(0 if less else AGAIN):  # about the lean that was found
-            if (fit := case.fit(of)) is None or (size := of.measured(fit)) is None:
+            if (fit := of.fit()) is None or (size := of.measured(fit)) is None:
                 break
-            of = _leaning(case, x, axis, size[0])
+            of = _leaning(case, axis, size[0])
         yield of
 
 
-def _leaning(case: Case, x: Array, axis: int, begun: float) -> Hypothesis:
+def _leaning(case: Case, axis: int, begun: float) -> Hypothesis:
     """Return a lean about an axis, linearised about one."""
     one = np.eye(2)[axis]
-    at = np.tile(begun * one, (len(x), 1)), np.zeros(x.shape, dtype=bool)
-    of = case.with_pattern(
-        lean.effect(case.robot.expected(), x, *at).inclination[:, :, axis],
+    at = np.tile(begun * one, (len(case.x), 1)), np.zeros(case.x.shape, dtype=bool)
+    return replace(case, robot=leant(case.robot, begun * one)).with_pattern(
+        lean.effect(case.robot.expected(), case.x, *at).inclination[:, :, axis],
         LEAN,
         f"base or shank leans about {'xyz'[lean.axes(case.robot)[axis]]} by",
+        mean=-begun,
         size=Size("rad"),
         leans=lambda robot, amount: leant(robot, (begun + amount) * one),
     )
-    moved = replace(of.influences[-1], amount=(-begun, LEAN))
-    return replace(of, robot=leant(case.robot, begun * one), influences=(moved,))
 
 
 def leant(robot: Robot, by: Array) -> Robot:
@@ -157,18 +156,10 @@ def leant(robot: Robot, by: Array) -> Robot:
 
 def load(case: Case) -> Iterator[Hypothesis]:
     """A weight on the platform that stretches the rods."""
-    robot = case.robot.expected()
-    x = poses_of(robot, case.log.readings[:, : robot.m])
-    good = finite_rows(x)
-    if (
-        not good.any()
-        or robot.is_compliant
-        or not any(unit == "m" for _, unit in robot.coordinates)
-    ):
+    robot, pull = case.robot.expected(), np.zeros_like(case.log.readings)
+    if robot.is_compliant or "m" not in (unit for _, unit in robot.coordinates):
         return
-    pattern = np.zeros_like(case.log.readings)
-    pull = np.zeros_like(case.log.readings)[good]
-    pull[:, : robot.m] = tension(robot, x[good], (0.0, 0.0, -1.0))
-    pattern[good] = stretch(robot, x[good], pull)
+    x = np.where(np.isnan(case.x), robot.home, case.x)
+    pull[:, : robot.m] = tension(robot, x, (0.0, 0.0, -1.0))
     text = "a load on compliant rods, compliance times load"
-    yield case.with_pattern(pattern, LOAD, text, size=Size(""))
+    yield case.with_pattern(stretch(robot, x, pull), LOAD, text, size=Size(""))

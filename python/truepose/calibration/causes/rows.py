@@ -11,8 +11,7 @@ import numpy as np
 from truepose.arguments import Array, finite_rows
 from truepose.calibration.causes.columns import alone_and_alike
 from truepose.calibration.causes.hypothesis import GROSS, LN_RATE, Case, Hypothesis, Size
-from truepose.calibration.expectation import expect, poses_of
-from truepose.calibration.fit import Calibration
+from truepose.calibration.expectation import expect
 from truepose.calibration.learnt import chi2_quantile
 from truepose.calibration.registration import sigmas
 from truepose.logs import Log
@@ -119,8 +118,7 @@ def sided(case: Case) -> Iterator[Hypothesis]:
 
     A side is that of a coordinate's middle or zero, or where one reading exceeds another.
     """
-    robot, read = case.robot.expected(), case.log.readings
-    x, box = poses_of(robot, read[:, : robot.m]), robot.spec.workspace
+    robot, read, x, box = case.robot, case.log.readings, case.x, case.robot.spec.workspace
     if box is None or not len(x):
         return
     names, units = case.log.names, reading_units(robot)
@@ -151,48 +149,36 @@ def sided(case: Case) -> Iterator[Hypothesis]:
 def gross(case: Case) -> Iterator[Hypothesis]:
     """Gross errors in some rows: a robust fit, then least trimmed squares.
 
-    Exclude rows by χ², fit to the others, predict sensors and outside coordinates of the excluded
-    ones, and again, until nothing changes.
+    Exclude rows by χ², predicted by the motors and the fit, fit to the others, and again, until
+    nothing changes.
     """
     log, robust = case.log, replace(case.options, loss="student")
-    count = np.isfinite(log.readings[:, case.robot.m :]).sum(axis=1)
-    if log.measured is not None:
-        count = count + np.isfinite(log.measured).sum(axis=1)
+    told = np.arange(len(log.names)) >= case.robot.m
+    outside = log.readings[:, :0] if log.measured is None else log.measured
+    count = np.isfinite(np.hstack([log.readings[:, told], outside])).sum(axis=1)
     with warnings.catch_warnings(action="ignore"):  # of poses that a robust fit may go through
-        fit = replace(case, options=robust, iterations=ROBUST).fit(case.nothing())
+        fit = case.nothing().fit(options=robust, iterations=ROBUST)
     read = count > 0
     if fit is None or not read.any():
         return
     limit = chi2_quantile(1 - FALSE, np.maximum(count, 1))
     median = float(np.median(chi2_quantile(0.5, count[read])))
-    off, bad = np.nan_to_num(fit.chi2, nan=np.inf), ~read
-    for _ in range(TRIMS):
-        before, bad = bad, read & (off > limit * max(1.0, np.median(off[read]) / median))
-        of = _without(case, bad)
-        if (bad == before).all() or (fit := case.fit(of)) is None:
-            break
-        off = np.where(bad, _predicted(case, fit), np.nan_to_num(fit.chi2, nan=np.inf))
-    which = np.flatnonzero(bad)
-    if 0 < len(which) <= MOST * len(bad):
-        text = f"gross errors in {len(which)} of {len(bad)} rows: {log.at(which)}"
-        yield replace(of, text=text, density=-GROSS * len(which))
-
-
-def _without(case: Case, bad: Array) -> Hypothesis:
-    """Return the hypothesis that the sensors and outside coordinates of some rows say nothing."""
-    log, sensors = case.log, np.arange(len(case.log.names)) >= case.robot.m
-    readings = np.where(bad[:, None] & sensors, np.nan, log.readings)
-    outside = log.measured if log.measured is None else np.where(bad[:, None], np.nan, log.measured)
-    return case.stated("", log=replace(log, readings=readings, measured=outside))
-
-
-def _predicted(case: Case, fit: Calibration) -> Array:
-    """Return each row's χ² by the motors and the calibrated geometry; inf without a pose."""
-    log, angle = case.log, case.options.measured_angle_sigma
+    angle, bad = case.options.measured_angle_sigma, ~read
     sigma = sigmas(case.robot, log.measured_sigma, angle, len(log.readings))
-    seen = expect(
-        fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads
-    )
-    return np.where(
-        finite_rows(seen.x), np.nansum((seen.residual / seen.sigma) ** 2, axis=1), np.inf
-    )
+    for _ in range(TRIMS):
+        seen = expect(
+            fit.robot, log.readings, log.measured, sigma, fit.registration, fit.level, log.loads
+        )
+        off = np.nansum((seen.residual / seen.sigma) ** 2, axis=1)
+        off[~finite_rows(seen.x)] = np.inf
+        before, bad = bad, read & (off > limit * max(1.0, np.median(off[read]) / median))
+        readings = np.where(bad[:, None] & told, np.nan, log.readings)
+        measured = log.measured if not outside.size else np.where(bad[:, None], np.nan, outside)
+        given = replace(case, log=replace(log, readings=readings, measured=measured))
+        which = np.flatnonzero(bad)
+        text = f"gross errors in {len(which)} of {len(bad)} rows: {log.at(which)}"
+        of = Hypothesis(text, given, density=-GROSS * len(which))
+        if (bad == before).all() or (fit := of.fit()) is None:
+            break
+    if 0 < len(which) <= MOST * len(bad):
+        yield of

@@ -47,9 +47,9 @@ CAUSES: dict[str, Callable[[Case], Iterator[Hypothesis]]] = {
     "unit": columns.unit,
     "order": columns.order,
     "outside axes": outside.axes,
-    "outside angles": outside.euler,
-    "outside unit": outside.unit,
-    "outside rows": outside.shifted,
+    "outside angles": partial(outside.nearer, made=outside.euler, share=1.0),
+    "outside unit": partial(outside.nearer, made=outside.unit),
+    "outside rows": partial(outside.nearer, made=outside.shifted),
     "common constant": columns.common,
     "shifted rows": rows.shifted,
     "stuck": rows.stuck,
@@ -65,11 +65,10 @@ DOUBT, REJECTED = 0.05, 1e-4
 DECISIVE = math.log(100.0)
 #: Mistakes that are fitted: the likeliest to first order; others that contradict readings least.
 LIKELY, FITTED = 6, 10
-#: Log odds behind the best from which these are not fitted, also as a share of large linear odds.
-FAR, ROUGH = 150.0, 0.3
-#: Log odds behind the log as it is, likewise.
-NEAR = 30.0
-#: Rows by which these are compared; what a row without a pose counts.
+#: These are only fitted above a share of the largest log odds to first order, less so much, and
+#: above minus so much.
+ROUGH, FAR, NEAR = 0.3, 150.0, 30.0
+#: Rows by which these are compared; what each sensor counts in a row without a pose.
 COMPARED, WORST = 24, 30.0
 #: A log with more rows is searched by blocks of consecutive ones; then so many causes by all.
 ROWS, BLOCK, AGAIN = 120, 12, 5
@@ -124,12 +123,12 @@ def search(
     """
     case = replace(case, options=replace(case.options, loss="squares"))
     none = case.nothing()
-    base = base or case.fit(none)
+    base = base or none.fit()
     if base is not None and not always and consistent(base, DOUBT) and suspicion(base) < DECISIVE:
         return Search(Causes("none"), [], base)
     some, count = _some(case), len(case.log.readings)
     most = _equations(case.robot, case.log.only(some))
-    begun = base if len(some) == count else case.fit(none, some)
+    begun = base if len(some) == count else none.fit(some)
     own = -GROSS * (most + case.robot.m * len(some))
     own = own if begun is None else evidence(begun, none, most)
 
@@ -137,7 +136,7 @@ def search(
         found = []
         progress(0.0)
         for k, of in enumerate(tried, 1):
-            if (fit := case.fit(of, some, iterations=steps)) is not None:
+            if (fit := of.fit(some, iterations=steps)) is not None:
                 found.append(Explained(of, fit, evidence(fit, of, most) - own))
             progress(k / (len(tried) + 1))
         return found
@@ -152,14 +151,12 @@ def search(
         few = len(np.unique(case.log.readings, axis=0)) <= case.log.readings.shape[1]
         least = DECISIVE if begun or few else -math.inf
         causing = [each for each in found if not vague(each) and each.log_odds > least]
-        for after in (case.under(each.of) for each in causing[:SECOND]):
-            found += explained([after.beside(of) for of in _tried(after)[0]], QUICK)
+        for each in causing[:SECOND]:
+            found += explained(_tried(each.of.case)[0], QUICK)
         found = _once(found)
     if len(some) < count:  # the most probable ones by every row
         found = [
-            each._replace(fit=fit)
-            for each in found[:AGAIN]
-            if (fit := case.fit(each.of)) is not None
+            each._replace(fit=fit) for each in found[:AGAIN] if (fit := each.of.fit()) is not None
         ]
     if base is None and found and _nothing(found[0]):  # which had only not converged
         return Search(Causes("none"), [], found[0].fit)
@@ -198,7 +195,7 @@ class Explained(NamedTuple):
 def _nothing(found: Explained) -> bool:
     """Return whether a single mistake explains a log by a size that is none."""
     cause, size = found.cause, found.of.size
-    if size is None or cause.size is None or cause.sigma is None or found.of.first is not None:
+    if size is None or cause.size is None or cause.sigma is None or found.of.given.first:
         return False
     off = cause.size - (size.gain is not None)
     return cause.consistent and abs(off) < SIGNIFICANT * cause.sigma
@@ -218,25 +215,24 @@ def _persisting(
     """
     over = []
     rate = np.where(PERSISTING[:, 3] > 0, LN_RATE, 0.0)[:, None]
-    for each in found if base else []:
+    if base is None:
+        return []
+    for each in found:
         slips = [slip for slip in each.of.each if slip.kind == "slip"]
         if each.log_odds < found[0].log_odds - DECISIVE or not slips:
             continue
-        fit = replace(case, keeps_rows=True).fit(each.of, rows)
+        fit = each.of.fit(rows, keeps_rows=True)
         if fit is None or fit.rows is None:
             continue
         B, y, D, line, _, acting = fit.rows
         for slip in slips:
-            own = np.zeros(B.shape[1], dtype=bool)
-            own[acting[list(fit.influences).index(slip.influences[-1].name)]] = True
-            both = _core.weigh(B[:, ~own], y, D, line, B[:, own], np.array([1]), PERSISTING)
-            odds = slip.log_odds - (slip.first.log_odds if slip.first else 0.0)
-            over.append(float(np.diff((both + rate).max(axis=0))[0]) + odds)
-    if base is None or not over:
-        return []
+            k = acting[list(fit.influences).index(slip.influence)]
+            rest, end = np.delete(B, k, axis=1), np.array([1])
+            both = _core.weigh(rest, y, D, line, B[:, [k]], end, PERSISTING)
+            over.append(float(np.diff((both + rate).max(axis=0))[0]) + slip.log_odds)
     text = "errors that persist from row to row, without a slip"
     of = replace(case.nothing(), text=text, kind="correlated rows")
-    return [Explained(of, base, found[0].log_odds - max(over))]
+    return [Explained(of, base, found[0].log_odds - max(over))] if over else []
 
 
 def _puzzling(found: list[Explained]) -> bool:
@@ -294,25 +290,26 @@ def suspicion(fit: Calibration) -> float:
 
 def _tried(case: Case) -> tuple[list[Hypothesis], list[Hypothesis]]:
     """Return the likeliest hypotheses to first order and those that contradict least; and more."""
-    every = [of for kind in CAUSES for of in _stated(kind, case)]
-    every = [of for of in every if case.first is None or of.kind not in VAGUE]
-    linear = case.linear
-    columns = [linear.columns(of) if linear and of.kind not in ALWAYS else None for of in every]
-    first = [of for of, by in zip(every, columns, strict=True) if by is not None]
+    linear, likely, others = case.linear, list[Hypothesis](), list[Hypothesis]()
+    first, columns = list[Hypothesis](), list[Array]()
+    for of in (of for kind in CAUSES for of in _stated(kind, case)):
+        by = linear.columns(of) if linear and of.kind not in ALWAYS else None
+        if by is not None:
+            first.append(of)
+            columns.append(by)
+        else:
+            (likely if of.size or of.kind in ALWAYS else others).append(of)
     odds = np.array([of.log_odds for of in first])
-    if linear is not None and first:
-        none, *own = linear.weigh([by for by in columns if by is not None])[0]
+    if linear:
+        none, *own = linear.weigh(columns)[0]
         odds += np.array(own) - none
-    likely = [of for of, by in zip(every, columns, strict=True) if by is None]
-    others = [of for of in likely if of.size is None and of.kind not in ALWAYS]
-    likely = [of for of in likely if of.size is not None or of.kind in ALWAYS]
-    own, *far = _contradictions(case, [case.nothing(), *others])
-    near = min(min(far, default=own) + FAR, own + NEAR)
+    none, *far = _contradictions(case, [case.nothing(), *others])
     rest = list[Hypothesis]()
-    for some, by, count, limit in (
-        (first, -odds, LIKELY, FAR - ROUGH * odds.max(initial=0.0)),
-        (others, np.array(far), FITTED, near),
+    for some, by, count, share in (
+        (first, -odds, LIKELY, ROUGH),
+        (others, np.array(far) - none, FITTED, 1.0),
     ):
+        limit = min(FAR + share * by.min(initial=0.0), NEAR)
         for k, at in enumerate(np.argsort(by, kind="stable")[: 2 * count]):
             (likely if k < count and by[at] < limit else rest).append(some[at])
     return likely, rest
@@ -321,10 +318,11 @@ def _tried(case: Case) -> tuple[list[Hypothesis], list[Hypothesis]]:
 def _stated(kind: str, case: Case) -> Iterator[Hypothesis]:
     """Yield the hypotheses of one cause, as far as the poses that they need have answers."""
     with contextlib.suppress(TrueposeError):
-        yield from (replace(of, kind=kind) for of in CAUSES[kind](case))
+        if case.first is None or kind not in VAGUE:
+            yield from (replace(of, kind=kind) for of in CAUSES[kind](case))
 
 
-def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
+def _contradictions(case: Case, every: list[Hypothesis]) -> list[float]:
     """Return how far some rows are from the motors' prediction: -ln likelihood, of Cauchy errors.
 
     A row without a pose counts most.
@@ -334,20 +332,19 @@ def _contradictions(case: Case, every: list[Hypothesis]) -> Array:
     rows = read[np.linspace(0, len(read) - 1, min(len(read), COMPARED)).astype(int)]
     usual = model.extended_positions(samples_or_home(model, 20), errors="nan")
     sigma = np.nanmedian(expect(case.robot, usual).sigma, axis=0) if model.r else np.zeros(0)
-    count = max(int(np.isfinite(readings[:, m:]).sum()), len(readings))
     result = []
     for of in every:
-        log = of.log.only(rows)
-        x = poses_of(model, log.readings[:, :m])
-        expected = _core.extended(model.core, x, False)[0]
-        off = _core.innovation(model.core, log.readings, expected)[0][:, m:]
-        each = np.nan_to_num(np.log1p((off / sigma) ** 2), nan=WORST)
-        each = each[np.isfinite(log.readings[:, m:])] if model.r else WORST * np.isnan(x[:, 0])
-        far = float(each.mean()) if each.size else 0.0
-        if log.measured is not None:
-            far += outside.View(case.under(of).only(rows)).distance(log.measured)
-        result.append(far * count - of.log_odds - of.density)
-    return np.array(result)
+        given = of.given.only(rows)
+        x = poses_of(model, given.log.readings[:, :m])
+        expected = model.extended_positions(x, errors="nan")
+        off = _core.innovation(model.core, given.log.readings, expected)[0][:, m:]
+        each = np.nansum(np.log1p((off / sigma) ** 2), axis=1)
+        each += WORST * max(model.r, 1) * np.isnan(x[:, 0])
+        far = float(each.mean()) if len(rows) else 0.0
+        if given.log.measured is not None:
+            far += outside.View(given).distance(given.log.measured)
+        result.append(far * len(readings) - of.log_odds - of.density)
+    return result
 
 
 def _judged(base: Calibration | None, found: list[Explained]) -> Search:
@@ -358,8 +355,9 @@ def _judged(base: Calibration | None, found: list[Explained]) -> Search:
         return Search(Causes("none" if agrees else "unexplained", causes), found, base)
     best = found[0]
     near = [each for each in found if each.log_odds > best.log_odds - DECISIVE]
-    same = [each for each in near if each is best or _exchangeable(best, each)]
-    other = [each for each in near if all(each is not of for of in same)]
+    same, other = [best], list[Explained]()
+    for each in near[1:]:
+        (same if _exchangeable(best, each) else other).append(each)
     found = same + other + found[len(near) :]
     causes = tuple(each.cause for each in found[:SHOWN])
     # A step at the middle is there to rival slips. Alone it may be backlash, or any smooth error.
