@@ -99,18 +99,10 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
     slowest = min(slowest, sqrt(kp / inertia));
     rest = max(rest, limits.speed[i] * inertia / torque);
   }
-  Coordinates size;
-  for (int l : range(n)) size[l] = home.model.mass[l][l];
-  const Ldlt factor(n, home.model.mass, size);
-  for (int j = 0; j < motors && shaped; ++j) {  // one motor's friction moves the others, too
-    Coordinates motion;
-    for (int l : range(n)) motion[l] = home.model.k[j][l] * friction[j];
-    factor.solve(motion);
-    for (int i : range(motors)) {
-      const Real error = sum_of(n, [&](int l) { return home.model.k[i][l] * motion[l]; });
-      limits.rests[i] += fabs(home.model.slope[i] * error / settings.kp[i]);
-    }
-  }
+  Extended rubbed{};  // one motor's friction moves the others, too
+  if (shaped) outcome = fastest_under(robot, robot.home, friction, 0, rubbed);
+  if (!outcome) return outcome;
+  for (int i = 0; i < motors && shaped; ++i) limits.rests[i] += rubbed[i] / fabs(settings.kp[i]);
   for (int i : range(motors)) {
     const Real answer = sum_of(motors, [&](int j) {
       if (j != i && !shaped) return Real{0};

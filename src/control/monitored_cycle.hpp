@@ -8,7 +8,8 @@
 #include "estimation/evidence.hpp"
 
 namespace truepose::fault_monitor_detail {
-struct MonitoredCycle {
+/// As of monitor_faults().
+struct MonitoredInputs {
   const Robot& robot;
   const FaultMonitorSettings& settings;
   const Weighing& weighing;
@@ -16,8 +17,10 @@ struct MonitoredCycle {
   Extended q_e;  ///< readings; delayed ones extrapolated to now
   FaultMonitor& monitor;
   Extended& believed;
-  Multirate* late;  ///< slow and delayed sensors; nullptr: none
+  Multirate* late;
+};
 
+struct MonitoredCycle : MonitoredInputs {
   const int n = robot.motors, r = robot.r, rows = n + r;
   Parity parity;
   Extended noise{};               ///< variances of the readings' own errors
@@ -30,17 +33,13 @@ struct MonitoredCycle {
   std::uint32_t replaced = 0;     ///< those of them that the others give
   std::uint32_t held = 0;         ///< candidate motors held at their setpoints
 
-  MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
-                 const Joint& desired, const Extended& q_e, FaultMonitor& monitor,
-                 Extended& believed, Multirate* late);
+  explicit MonitoredCycle(const MonitoredInputs& inputs) : MonitoredInputs(inputs) {}
 
   /// All steps. @return as of monitor_faults()
   Outcome run();
 
   bool delayed(int c) const { return late && c >= n && late->is(c - n); }
   int every(int c) const { return delayed(c) ? max(1, late->settings.every[c - n]) : 1; }
-  /// Whether no motor's reading has failed.
-  bool motors_valid() const;
   /// Value that the model gives a reading: a motor's setpoint, a sensor's by the motors.
   Real model(int c) const;
   /// Value whose changes show that a reading moves: of a delayed sensor its last sample.
@@ -106,7 +105,6 @@ struct MonitoredCycle {
   /// or, with online calibration, they are outdated.
   void refresh();
 
-  Outcome locate();
   /// Updates the state of every reading. @return the first that is not valid, or -1
   int update();
   void update_parity();

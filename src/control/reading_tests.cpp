@@ -82,7 +82,7 @@ void MonitoredCycle::extrapolate_delayed() {
   copy_first(n, believed, by);
   if (!compensate_latency(robot, *late, by)) return;
   std::copy_n(by.begin() + n, r, q_e.begin() + n);
-  const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
+  const bool motors = !monitor.failed(n);  // a delayed reading cannot substitute a motor
   for (int c : range(rows)) {
     if (delayed(c))
       noise[c] = motors ? noise[c] + latency_variance(*late, c - n, late->before[c - n]) : 1;
