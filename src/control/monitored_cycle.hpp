@@ -48,8 +48,7 @@ struct MonitoredCycle : MonitoredInputs {
   // A reading by itself: reading_tests.cpp
   void test_readings(int begin, int end);
   Symptom symptom_of(int c) const;
-  /// Whether an innovation is more than noise and the usual motion leave.
-  bool leaves_track(int c, Real innovation) const;
+  /// Of innovations, by noise and the usual motion.
   Real track_variance(int c) const;
   /// Excludes a reading in this cycle. Too long, or too often, and it has failed; one that stands
   /// still gets twice the time.
@@ -78,8 +77,8 @@ struct MonitoredCycle : MonitoredInputs {
   /// error is a function of the pose: an acceleration changes it as far as the pose, a velocity by
   /// its square.
   Real bending() const;
-  /// Whether χ² of a parity is beyond its limit.
-  bool alarm(const ReadingCovariance& V, const Reading& value);
+  /// Whether χ² of a parity is beyond its limit. @param gain, share  as of covariance()
+  bool alarm(Real gain, Real share, const Reading& value);
   void test_parity();
   /// Signature of a reading, whitened, over a parity. @param y  whitened
   Column column_of(int c, const ReadingCovariance& V, const Reading& y) const;

@@ -13,8 +13,7 @@ Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyon
   Closure closure;
   Reading values;
   SensorRows jr;
-  Outcome outcome = jacobian_at(robot, from, closure, jacobians);
-  if (outcome) outcome = rkm(robot, closure, values, jr);
+  const Outcome outcome = kinematics_at(robot, from, 0, closure, jacobians, values, jr);
   if (!outcome) return outcome;
   extend(robot, closure.q(), values, expected);
   for (int c : range(n + robot.r)) expected[c] += beyond[c];
