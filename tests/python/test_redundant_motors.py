@@ -5,6 +5,7 @@ import pytest
 from fixtures import drawn_poses
 
 import truepose as tp
+from truepose import _core
 
 
 @pytest.fixture(scope="module")
@@ -41,3 +42,9 @@ def test_every_law_holds_a_robot_whose_motors_disagree(robot):
     for law in ("joint", "tej", "weighted", "estimated"):
         result = tp.steady_state(robot, truth, [x], law)
         assert np.isfinite(result.error).all() and np.abs(result.error).max() < 0.02
+
+
+def test_every_motor_counts_in_the_largest_acceleration(robot):
+    """At home the four arms are alike."""
+    most = _core.fastest(robot.core, np.array([robot.home]))[0][0, : robot.m]
+    np.testing.assert_allclose(most, most[0], rtol=1e-9)
