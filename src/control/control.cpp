@@ -163,7 +163,7 @@ class ControlCycle {
   bool braked(int i) const { return before_.braked >> i & 1U; }
   int readings() const { return corrects_ == Corrects::motors ? m : m + robot_.r; }
 
-  /// Rates, in terms of what the law corrects, of a motion of the motors and the platform.
+  /// Rates of the quantities that the law corrects, for rates of the motors and the platform.
   Extended in_terms_of(const Joint& rate, const Coordinates& twist) const {
     Extended result{};
     copy_first(m, rate, result);
