@@ -210,16 +210,17 @@ Outcome servo_cycle(const Robot& robot, Law law, const Coordinates& x_d, const E
   const Outcome regular = refer(robot, law, x_d, reference, band, weighing, kept);
   if (!regular) return regular;
   Pose found;
-  cycle = {};
-  const Outcome outcome = motor_error(robot, law, reference, q_e, cycle.error, found, weighing,
+  ServoCycle now;
+  const Outcome outcome = motor_error(robot, law, reference, q_e, now.error, found, weighing,
                                       kept ? &kept->search : nullptr);
   if (!outcome) return outcome;
-  if (!all_finite(cycle.error, m)) return {Status::not_finite};
-  cycle.x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
-  copy_first(m, reference.q_e, cycle.q_d);
-  for (int i : range(n)) copy_first(m, reference.jacobians.J[i], cycle.J[i]);
+  if (!all_finite(now.error, m)) return {Status::not_finite};
+  now.x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
+  copy_first(m, reference.q_e, now.q_d);
+  for (int i : range(n)) copy_first(m, reference.jacobians.J[i], now.J[i]);
   for (int i = 0; i < m && corrects == Corrects::readings; ++i)
-    copy_first(m + robot.r, reference.tej[i], cycle.tej[i]);
+    copy_first(m + robot.r, reference.tej[i], now.tej[i]);
+  cycle = now;
   return regular;
 }
 }  // namespace truepose

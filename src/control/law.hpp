@@ -119,7 +119,7 @@ struct ServoCycle {
 };
 
 /// One servo cycle for drives that close their own loops: IKM, assembly mode, J, TEJ, ê_q.
-/// @param cycle  out where there is an answer
+/// @param cycle  out; unchanged without an answer
 /// @param band   conditioning below which J and J⁻¹ are damped (0: never)
 /// @param kept   null, or what a controller keeps: it then takes at most cycle_steps()
 Outcome servo_cycle(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,

@@ -217,23 +217,18 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
       Extended q_e = readings_at(robot, setpoint.x);
       for (int i = 0; i < motors + robot.r; ++i) q_e[i] += 1e-4 * random();
-      Joint e{};
-      const auto servo = [&](const Weighing& weighing, Nearby* kept = nullptr) {
-        ServoCycle found;
-        const Outcome outcome = servo_cycle(robot, law, setpoint.x, q_e, found, 0, weighing, kept);
-        if (outcome) e = found.error;
-        return outcome;
-      };
+      ServoCycle e;
       truepose_real torque[TRUEPOSE_MOTORS] = {};
       truepose_servo_cycle cycle;
       CHECK(same(truepose_servo(model, static_cast<int>(law), 0, setpoint.x.data(), q_e.data(),
                                 known, known.work.data(), &cycle),
-                 servo(known.prior.weighing())));
-      CHECK(same(cycle.error, e));
+                 servo_cycle(robot, law, setpoint.x, q_e, e, 0, known.prior.weighing())));
+      CHECK(same(cycle.error, e.error));
       CHECK(same(truepose_controller_servo(model, &alone, setpoint.x.data(), q_e.data(), known,
                                            known.work.data(), &cycle),
-                 servo(Scaled(keeps_alone, 3).weighing, &nearby)));
-      CHECK(same(cycle.error, e));
+                 servo_cycle(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing,
+                             &nearby)));
+      CHECK(same(cycle.error, e.error));
       CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
                                   known.work.data(), torque),
                  control(robot, settings, setpoint, q_e, state, keeps)));
