@@ -128,16 +128,31 @@ Outcome dynamic_model(const Robot& robot, const Closure& closure, const Coordina
   for (int row : range(n)) model.bias[row] += wrench[row];
   if (!M) return {};
 
-  // Momentum about D of each free twist, along the free twists.
+  // [m, -[Σml]×; [Σml]×, about D], its free rows and columns.
   const Mat3 about = inertia + second.trace() * Mat3::Identity() - second;
+  const Mat3 cross =
+      Mat3::of(0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0);
   for (int row : range(n)) {
-    Coordinates alone{}, momentum;
-    alone[row] = 1;
-    const auto [linear, turn] = to_twist(twists, alone);
-    free_row(twists, mass * linear + turn.cross(first), first.cross(linear) + about * turn,
-             momentum.data());
-    for (int column : range(row + 1))
-      model.mass[column][row] = model.mass[row][column] += momentum[column];
+    if (is_rotational(robot.mobility)) {  // Tᵀ of all this T
+      const Vec3 &linear = twists.linear[row], &turn = twists.axis[row];
+      const Vec3 pushed = mass * linear + turn.cross(first);
+      const Vec3 twisted = first.cross(linear) + about * turn;
+      for (int column : range(row + 1)) {
+        model.mass[row][column] +=
+            pushed.dot(twists.linear[column]) + twisted.dot(twists.axis[column]);
+        model.mass[column][row] = model.mass[row][column];
+      }
+    } else {
+      const int i = free_columns(robot.mobility)[row];
+      for (int column : range(row + 1)) {
+        const int j = free_columns(robot.mobility)[column];
+        if (i < 3)
+          model.mass[row][column] += i == j ? mass : 0;
+        else
+          model.mass[row][column] += j < 3 ? cross(i - 3, j) : about(i - 3, j - 3);
+        model.mass[column][row] = model.mass[row][column];
+      }
+    }
   }
   return {};
 }

@@ -21,6 +21,11 @@ constexpr Real kOneCount = 1.0 / 3;  ///< that motion leaves unseen, over `still
 /// larger of which is too far.
 constexpr Real kStuckStill = 7, kStuckTracking = 0.1;
 
+/// Adds or takes off a period of a time that a condition has held.
+void hold_time(bool holds, Real period, Real& time) {
+  time = max(time + (holds ? period : -period), Real{0});
+}
+
 /// The checks of one cycle.
 struct Check {
   int n, freedoms;
@@ -39,6 +44,13 @@ struct Check {
     return way.advance(limits.period, limits.kp[i], limits.kd[i], cycle.q_d[i], cycle.error[i],
                        limits.rests[i]);
   }
+  /// The motors for which a condition holds, as bits.
+  template <class Condition>
+  std::uint32_t motors(Condition&& condition) const {
+    std::uint32_t bits = 0;
+    for (int i : range(n)) bits |= std::uint32_t(condition(i)) << i;
+    return bits;
+  }
   /// The first motor for which a condition holds; n: none.
   template <class Condition>
   int first(Condition&& condition) const {
@@ -51,11 +63,16 @@ struct Check {
     const int motor = first(condition);
     found.add(motor < n, cause, motor);
   }
-  /// Flags motors for which a condition has held for too long: it adds a period or takes it off.
+  /// Flags motors for which a condition has held for too long. Without one there is nothing to add.
   template <class Condition>
   void flag_held(StopCause cause, Real longest, Joint& time, Condition&& condition) {
-    const Real T = limits.period;
-    for (int i : range(n)) time[i] = max(time[i] + (condition(i) ? T : -T), Real{0});
+    const std::uint32_t bit_here = bit_of(cause);
+    if (first(condition) == n && !(state.timed & bit_here)) return;
+    state.timed &= ~bit_here;
+    for (int i : range(n)) {
+      hold_time(condition(i), limits.period, time[i]);
+      if (!(time[i] <= 0)) state.timed |= bit_here;
+    }
     flag(cause, [&](int i) { return time[i] > longest; });
   }
 
@@ -124,13 +141,15 @@ struct Check {
   }
 
   void check_readings() {
-    std::uint32_t read = 0;
-    for (int i : range(n)) {
-      const bool valid = number(cycle.q[i]), used = !(cycle.unused & bit(i));
-      read |= valid && used ? bit(i) : 0;
-      state.missing[i] = used && !valid ? state.missing[i] + limits.period : 0;
+    const std::uint32_t valid = motors([&](int i) { return number(cycle.q[i]); });
+    const std::uint32_t used = (bit(n) - 1) & ~cycle.unused, read = valid & used;
+    if (read != used || state.unread) {
+      state.unread = used & ~valid;
+      for (int i : range(n))
+        state.missing[i] = state.unread & bit(i) ? state.missing[i] + limits.period : 0;
+      flag(StopCause::missing_reading,
+           [&](int i) { return !(state.missing[i] <= limits.missing); });
     }
-    flag(StopCause::missing_reading, [&](int i) { return !(state.missing[i] <= limits.missing); });
     flag(StopCause::motor_range, [&](int i) {
       const Real q = cycle.q[i], low = limits.low[i], high = limits.high[i];
       return read & bit(i) && low < high && !(q >= low && q <= high);
@@ -139,13 +158,20 @@ struct Check {
     // one end of it: then over as many cycles as there are.
     state.uneven = found.fresh ? max(state.uneven - 1, 0) : kMostWindow;
     const int late = state.uneven > 0 ? limits.age : 0;
-    const int window = late ? kMostWindow : clamp(limits.window, 1, kMostWindow);
-    flag(StopCause::overspeed, [&](int i) {
-      const int cycles = min(state.have[i], window);
+    const int window = late ? kMostWindow : min(limits.window, kMostWindow);
+    const Joint& before = past(window);
+    const auto too_fast = [&](int i, Real from, int cycles) {
       const Real most = limits.speed[i] * (limits.period * (cycles + late)) + limits.count[i];
-      return read & bit(i) && cycles > 0 && !(fabs(cycle.q[i] - past(cycles)[i]) <= most);
+      return !(fabs(cycle.q[i] - from) <= most);
+    };
+    flag(StopCause::overspeed, [&](int i) {
+      const int m = state.have[i];
+      return read & bit(i) &&
+             (m >= window ? too_fast(i, before[i], window) : m > 0 && too_fast(i, past(m)[i], m));
     });
-    for (int i : range(n)) state.have[i] = read & bit(i) ? min(state.have[i] + 1, kMostWindow) : 0;
+    for (int i : range(n)) {
+      state.have[i] = read & bit(i) ? min(state.have[i] + 1, kMostWindow) : 0;
+    }
     state.past[state.cycle % kMostWindow] = cycle.q;
   }
 

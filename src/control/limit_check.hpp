@@ -49,7 +49,9 @@ struct LimitState {
   std::array<DrivenWay, kMaxMotors> frame, alone;
   std::uint32_t alike = 0;                  ///< motors whose reading is the last one, as bits
   Joint wanted{};                           ///< setpoint of the last cycle
-  Joint missing{}, saturated{}, clipped{};  ///< time, s
+  std::uint32_t unread = 0;                 ///< motors whose reading is missing, as bits
+  Joint missing{}, saturated{}, clipped{};  ///< time, s,
+  std::uint32_t timed = 0;                  ///< and the causes with times above 0, as bits
 
   /// Whether all motors have been read without a gap for as long as their speeds are measured.
   bool seen(int motors) const;

@@ -4,12 +4,11 @@
 namespace truepose::fault_monitor_detail {
 void MonitoredCycle::exclude(int c) {
   const Reading g = parity.signature(r, c);
-  ReadingCovariance V;
-  parity.covariance(r, noise, monitor.geometry, 1, V);
   Real size = 0, known = 0;
   for (int k : range(r)) {
     size += g[k] * g[k];
-    known += V.L[k][k];
+    known += noise[n + k] + monitor.geometry[k][k];
+    for (int j : range(n)) known += parity.g[k][j] * parity.g[k][j] * noise[j];
   }
   if (!(size > 0 && known > 0)) return;
   unknown[c] = kUnknown * known / size;
