@@ -65,8 +65,8 @@ void report_on(const FaultTolerantSetup& setup, truepose_fault_report* report) {
 Outcome servo(const Robot& robot, Law law, Real band, const truepose_real* x_d, const Extended& q_e,
               const Weighing& weighing, Nearby* nearby, truepose_servo_cycle* cycle) {
   ServoCycle found;
-  const Outcome outcome = motor_error(robot, law, in<Coordinates>(x_d), q_e, found.error, band,
-                                      weighing, nearby, &found);
+  const Outcome outcome =
+      servo_cycle(robot, law, in<Coordinates>(x_d), q_e, found, band, weighing, nearby);
   if (outcome) out(found, cycle);
   return outcome;
 }

@@ -11,19 +11,6 @@ void track(const ControlSettings& settings, Real pole, Real reading, Real expect
 }
 
 namespace {
-/// Maps a motor error's rate to rates of the errors that a law corrects.
-Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference& reference, int r) {
-  const int n = reference.jacobians.n, m = reference.jacobians.motors;
-  Extended result{};
-  copy_first(m, rate, result);
-  const Coordinates twist = pose_rate(reference.jacobians, rate);
-  if (corrects == Corrects::pose) copy_first(n, twist, result);
-  if (corrects == Corrects::readings)
-    for (int k : range(r))
-      for (int i : range(n)) result[m + k] += reference.jr[k][i] * twist[i];
-  return result;
-}
-
 /// Remaining share of the offset held at a switch, from 1 to 0, smooth at both ends.
 Real led_out(Real leaving, Real whole) {
   const Real u = whole > 0 ? leaving / whole : 0;
@@ -78,7 +65,8 @@ class ControlCycle {
   void blend() {
     if (!before_.started || switches()) state_.position = measured_;
     if (switches()) {
-      state_.rate = in_terms_of(corrects_, before_.error_rate, reference_, robot_.r);
+      state_.rate =
+          in_terms_of(before_.error_rate, pose_rate(reference_.jacobians, before_.error_rate));
       for (int i : range(m)) state_.held[i] = before_.error[i] - state_.error[i];
       state_.leaving = settings_.lead_out;
     }
@@ -94,10 +82,11 @@ class ControlCycle {
     // At the start the robot counts as following until its readings differ.
     const Real half = before_.started ? 0.5 : 0;
     const int tracked = posed() ? n : readings();
+    const Extended desired = in_terms_of(joint_rate_, setpoint_.rate);
     Coordinates twist{};  // of x_d against x̂
     state_.error_rate = {};
     for (int c : range(tracked)) {
-      const Real rate = desired_rate(c);
+      const Real rate = desired[c];
       const Real expected = half * ((switches() ? rate : state_.desired[c]) + rate);
       if (switches())
         state_.position[c] = measured_[c] - settings_.period * (expected - state_.rate[c]);
@@ -174,36 +163,35 @@ class ControlCycle {
   bool braked(int i) const { return before_.braked >> i & 1U; }
   int readings() const { return corrects_ == Corrects::motors ? m : m + robot_.r; }
 
-  Real desired_rate(int c) const {
-    if (posed()) return setpoint_.rate[c];
-    if (c < m) return joint_rate_[c];
-    Real rate = 0;
-    for (int j : range(n)) rate += reference_.jr[c - m][j] * setpoint_.rate[j];
-    return rate;
+  /// Rates of the quantities that the law corrects, for rates of the motors and the platform.
+  Extended in_terms_of(const Joint& rate, const Coordinates& twist) const {
+    Extended result{};
+    copy_first(m, rate, result);
+    if (posed()) copy_first(n, twist, result);
+    for (int c : range(m, readings()))
+      for (int i : range(n)) result[c] += reference_.jr[c - m][i] * twist[i];
+    return result;
   }
 
   /// Rotation vectors do not add: x̂ is tracked in the tangent space at its last pose.
+  bool turns() const { return posed() && robot_.mobility == Mobility::spatial; }
   Pose to_tangent() {
     Pose from;
-    if (robot_.mobility == Mobility::spatial)
-      if (posed()) {
-        Coordinates last{};
-        copy_first(n, state_.position, last);
-        from = to_pose(robot_.mobility, last);
-        const Coordinates step = difference(robot_.mobility, found_, from);
-        copy_first(n, step, measured_);
-        state_.position.fill(0);
-      }
+    if (!turns()) return from;
+    Coordinates last{};
+    copy_first(n, state_.position, last);
+    from = to_pose(robot_.mobility, last);
+    const Coordinates step = difference(robot_.mobility, found_, from);
+    copy_first(n, step, measured_);
+    state_.position.fill(0);
     return from;
   }
-  void from_tangent([[maybe_unused]] const Pose& from) {
-    if (robot_.mobility == Mobility::spatial)
-      if (posed()) {
-        Coordinates step{};
-        copy_first(n, state_.position, step);
-        const Coordinates x = to_coordinates(robot_.mobility, moved(robot_.mobility, from, step));
-        copy_first(n, x, state_.position);
-      }
+  void from_tangent(const Pose& from) {
+    if (!turns()) return;
+    Coordinates step{};
+    copy_first(n, state_.position, step);
+    const Coordinates x = to_coordinates(robot_.mobility, moved(robot_.mobility, from, step));
+    copy_first(n, x, state_.position);
   }
 
   /// Limits a torque. @param step  of the integral: none that pushes a saturated motor further

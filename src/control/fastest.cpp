@@ -3,7 +3,18 @@
 
 namespace truepose {
 Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
-  const int n = dof(robot.mobility);
+  Joint torque{};
+  bool limited = true;
+  for (int i : range(robot.motors)) {
+    torque[i] = robot.chain[i].torque_limit;
+    limited = limited && torque[i] > 0;
+  }
+  return fastest_under(robot, x, limited ? torque : Joint{}, limited, most);
+}
+
+Outcome fastest_under(const Robot& robot, const Coordinates& x, const Joint& torque, Real gravity,
+                      Extended& most) {
+  const int n = dof(robot.mobility), m = robot.motors;
   most.fill(0);
   Extended q_e;
   PoseRows H_x;
@@ -15,18 +26,13 @@ Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
   if (outcome) outcome = dynamic_model(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   Coordinates size;
-  bool limited = true;
-  for (int i : range(n)) {
-    size[i] = model.mass[i][i];
-    limited = limited && robot.chain[i].torque_limit > 0;
-  }
+  for (int i : range(n)) size[i] = model.mass[i][i];
   const Ldlt mass(n, model.mass, size);
   if (!mass.regular()) return {Status::singular};
-  for (int force = 0; force <= n && limited; ++force) {  // each motor, then gravity
+  for (int force : range(m + 1)) {  // each motor, then gravity
     Coordinates acceleration{};
-    const Real torque = force < n ? robot.chain[force].torque_limit : 1;
     for (int j : range(n))
-      acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
+      acceleration[j] = force < m ? torque[force] * model.k[force][j] : gravity * model.bias[j];
     mass.solve(acceleration);
     for (int c : range(readings(robot))) {
       Real moves = 0;

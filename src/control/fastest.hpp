@@ -9,4 +9,8 @@ namespace truepose {
 /// torque limits: |H_x M⁻¹Kᵀ| τ + |H_x M⁻¹ g|. 0 if any motor has no limit.
 /// @return unreachable, singular
 Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most);
+
+/// The same with torques up to these, and a share of gravity.
+Outcome fastest_under(const Robot& robot, const Coordinates& x, const Joint& torque, Real gravity,
+                      Extended& most);
 }  // namespace truepose

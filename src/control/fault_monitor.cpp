@@ -5,25 +5,6 @@
 
 namespace truepose {
 namespace fault_monitor_detail {
-MonitoredCycle::MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings,
-                               const Weighing& weighing, const Joint& desired, const Extended& q_e,
-                               FaultMonitor& monitor, Extended& believed, Multirate* late)
-    : robot(robot),
-      settings(settings),
-      weighing(weighing),
-      desired(desired),
-      q_e(q_e),
-      monitor(monitor),
-      believed(believed),
-      late(late) {
-  for (int c : range(rows)) noise[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
-}
-
-bool MonitoredCycle::motors_valid() const {
-  return std::none_of(monitor.reading.begin(), monitor.reading.begin() + n,
-                      [](const auto& motor) { return motor.health == Health::failed; });
-}
-
 Real MonitoredCycle::model(int c) const {
   if (delayed(c)) return late->then[c - n];
   // At the motors' pose; `expected` is at the pose from which that was found.
@@ -31,6 +12,7 @@ Real MonitoredCycle::model(int c) const {
 }
 
 Outcome MonitoredCycle::run() {
+  for (int c : range(rows)) noise[c] = weighing.known->sigma[c] * weighing.known->sigma[c];
   // Starts at the first readings that have a pose: earlier, a motor has no substitute.
   const bool first_cycle = monitor.cycle == 0;
   for (int c = 0; first_cycle && c < n; ++c)
@@ -42,7 +24,7 @@ Outcome MonitoredCycle::run() {
   test_readings(0, n);
   if (late) extrapolate_delayed();
   test_readings(n, rows);
-  const Outcome placed = locate();
+  const Outcome placed = parity.locate(robot, monitor, believed, monitor.beyond);
   if (!placed && first_cycle) return placed;
   if (!placed && monitor.cycle == monitor.began) ++monitor.began;
   if (placed) {
@@ -66,20 +48,10 @@ Outcome MonitoredCycle::run() {
   return {first < 0 ? Status::ok : Status::disagree, first};
 }
 
-Outcome MonitoredCycle::locate() {
-  Pose near = moved(robot.mobility, monitor.pose, monitor.motion);
-  if (!monitor.placed) {
-    near = to_pose(robot.mobility, robot.home);
-    const Outcome found{fkm(robot, motors_of(robot, believed), near).status, -1};
-    if (!found) return found;
-  }
-  return parity.locate(robot, near, believed, monitor.beyond);
-}
-
 int MonitoredCycle::update() {
   int first = -1;
   std::uint32_t gone = 0;
-  const bool motors = monitor.placed && motors_valid();  // whether they give the pose
+  const bool motors = monitor.placed && !monitor.failed(n);  // whether they give the pose
   for (int c : range(rows)) {
     MonitoredReading& reading = monitor.reading[c];
     // With a lost motor the robot does not follow its setpoint. While it stops on an undecided
@@ -98,9 +70,9 @@ int MonitoredCycle::update() {
       reading.extrapolated.cycles = 0;
       reading.scatter += (news * news - reading.scatter) / kSettling;
       FollowingError& error = reading.following;
-      if (const Real now = c < n ? desired[c] - believed[c] : 0; number(now)) error.now = now;
-      if (const Real off = error.now - error.usual;
-          c < n && reading.standstill.cycles == 0 && number(off)) {
+      const Real now = c < n ? desired[c] - believed[c] : NAN, off = now - error.usual;
+      if (number(now)) error.now = now;
+      if (number(off) && reading.standstill.cycles == 0) {
         error.deviation = off;
         error.usual += off / kSettling;
         error.variance += (off * off - error.variance) / kSettling;
@@ -136,8 +108,8 @@ Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
                        FaultMonitor& monitor, Extended& believed, Multirate* late) {
   if (!robot.finished) return {Status::unfinished};
   if (!weighing) return {Status::not_measured};
-  return fault_monitor_detail::MonitoredCycle(robot, settings, weighing, desired, q_e, monitor,
-                                              believed, late)
+  return fault_monitor_detail::MonitoredCycle(
+             {robot, settings, weighing, desired, q_e, monitor, believed, late})
       .run();
 }
 }  // namespace truepose

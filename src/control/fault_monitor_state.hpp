@@ -3,6 +3,7 @@
 
 #include "control/driven_way.hpp"
 #include "control/law.hpp"
+#include "control/parity.hpp"
 #include "control/tracker.hpp"
 #include "math/chi2.hpp"
 
@@ -124,33 +125,45 @@ struct Disagreement {
   Extended jump{};    ///< innovations of the readings' tracks in the first one
 };
 
-/// State of the fault monitor. Plain data, the caller's; a new one starts afresh.
-struct FaultMonitor {
+/// State of the fault monitor. Plain data, the caller's; a new one starts afresh. The pose is that
+/// of the believed motors.
+struct FaultMonitor : MotorsPose {
   std::array<MonitoredReading, kMaxReadings> reading;
   std::uint32_t doubted = 0;  ///< candidates for the fault, as bits; 0: no disagreement
   Disagreement disagreement;
-  bool undecided = false;        ///< for too long to be isolated: the robot should stop
-  std::uint32_t lost = 0;        ///< failed motors that once had no substitute
-  std::uint32_t without = 0;     ///< failed readings substituted in this cycle
-  std::uint32_t held = 0;        ///< candidate motors held at their setpoints
-  bool changed = false;          ///< `without` or `held` changed: the law's input may jump
-  std::int64_t cycle = 0;        ///< since the first one with a pose,
-  std::int64_t began = 0;        ///< and in which the parity's trackers began to settle
-  bool placed = false;           ///< `pose` is known
-  Pose pose;                     ///< of the believed motors
-  Coordinates motion{}, last{};  ///< in this cycle, in the one before
-  Real way = 0;                  ///< since the last update of the geometry's covariance
-  Joint pushed{};                ///< motor errors that external forces cause
-  Joint desired{};               ///< q_d of the last cycle
-  Joint led{};                   ///< by which drives' own loops have led the motors off q_d
+  bool undecided = false;     ///< for too long to be isolated: the robot should stop
+  std::uint32_t lost = 0;     ///< failed motors that once had no substitute
+  std::uint32_t without = 0;  ///< failed readings substituted in this cycle
+  std::uint32_t held = 0;     ///< candidate motors held at their setpoints
+  bool changed = false;       ///< `without` or `held` changed: the law's input may jump
+  std::int64_t cycle = 0;     ///< since the first one with a pose,
+  std::int64_t began = 0;     ///< and in which the parity's trackers began to settle
+  Coordinates last{};         ///< `motion` of the cycle before
+  Real way = 0;               ///< since the last update of the geometry's covariance
+  Joint pushed{};             ///< motor errors that external forces cause
+  Joint desired{};            ///< q_d of the last cycle
+  Joint led{};                ///< by which drives' own loops have led the motors off q_d
   std::array<Tracker, kMaxSensors> parity;
-  Reading usual{};                              ///< its mean over some cycles
-  Real chi2 = 0;                                ///< of the tested parity, its level or its change
-  int freedom = 0;                              ///< its degrees of freedom
-  bool known = false;                           ///< the next two are valid
-  Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
-  Parasitic rest;                               ///< residual motion there
-  Extended beyond{};                            ///< what the full level adds to h
+  Reading usual{};     ///< its mean over some cycles
+  Real chi2 = 0;       ///< of the tested parity, its level or its change
+  int freedom = 0;     ///< its degrees of freedom
+  bool known = false;  ///< the next two are valid
+  ParityGeometry geometry{};
+  Parasitic rest;     ///< residual motion there
+  Extended beyond{};  ///< what the full level adds to h
+
+  /// The failed ones of the first readings, as bits.
+  std::uint32_t failed(int count) const {
+    std::uint32_t bits = 0;
+    for (int c : range(count)) bits |= reading[c].health == Health::failed ? bit(c) : 0;
+    return bits;
+  }
+  /// Motors whose readings the law does not use, as bits.
+  std::uint32_t unused(int motors) const {
+    std::uint32_t bits = held | failed(motors);
+    for (int i : range(motors)) bits |= reading[i].extrapolated.cycles > 0 ? bit(i) : 0;
+    return bits;
+  }
 };
 
 /// Marks a repaired reading as valid. Its present value counts as right, as at the start: while the

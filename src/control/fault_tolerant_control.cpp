@@ -41,12 +41,9 @@ void check(const Robot& robot, const SafetyLimits& limits, const Setpoint& setpo
            FaultTolerantState& fault_state) {
   const int n = robot.motors;
   const FaultMonitor& monitor = fault_state.monitor;
-  CheckedCycle cycle{setpoint.x,   state.q_d,   motors_of(robot, q_e), answer,
-                     state.torque, state.error, fault_state.frame,     {},
-                     monitor.held};
-  for (int i : range(n))
-    if (monitor.reading[i].health == Health::failed || monitor.reading[i].extrapolated.cycles > 0)
-      cycle.unused |= bit(i);
+  const CheckedCycle cycle{setpoint.x,       state.q_d,   motors_of(robot, q_e), answer,
+                           state.torque,     state.error, fault_state.frame,     {},
+                           monitor.unused(n)};
   Violations found =
       check_limits(n, dof(robot.mobility), limits, cycle, fault_state.asked && !fault_state.brakes,
                    applied, fault_state.checked);
@@ -89,9 +86,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   Outcome outcome = monitored;
   if (monitored) {
     ControlSettings now = settings;
-    std::uint32_t failed = 0;
-    for (int c : range(n + robot.r))
-      failed |= monitor.reading[c].health == Health::failed ? bit(c) : 0;
+    const std::uint32_t failed = monitor.failed(n + robot.r);
     const bool reweigh = failed || late;
     if (reweigh) fault_state.known = *weighing.known;
     // A lost motor counts as being at its setpoint: a law that weighs would estimate its error from
@@ -134,14 +129,5 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
       if (fault_state.brakes & bit(i)) state.torque[i] = limited(robot.chain[i], state.load[i]);
   }
   return outcome && monitored.status == Status::disagree ? monitored : outcome;
-}
-
-void release(FaultTolerantState& fault_state) {
-  fault_state.stops = false;
-  fault_state.brakes = 0;
-  fault_state.stop = fault_state.unanswered = fault_state.stopping = 0;
-  fault_state.cause = StopCause::none;
-  fault_state.part = -1;
-  fault_state.checked = {};
 }
 }  // namespace truepose

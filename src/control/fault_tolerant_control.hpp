@@ -33,28 +33,32 @@ struct FaultTolerantSettings {
   SafetyLimits limits{};
 };
 
-/// State and report of the controller, owned by the caller; a new one starts afresh.
-struct FaultTolerantState {
-  FaultMonitor monitor;
-  bool stops = false;        ///< the path must stop, until acknowledge(),
-  Real stop = 0;             ///< in this time, s, for PathClock::advance(); 0: continue
-  std::uint32_t brakes = 0;  ///< motors whose brakes must hold, as bits, until acknowledge()
-  Coordinates at{};          ///< latest setpoint with a valid cycle
-  Joint weight{};       ///< torques that hold the robot there once all brakes are requested, N·m
-  Real unanswered = 0;  ///< time since the last valid torque, s
-  Real stopping = 0;    ///< time since the fault is undecided, s
-  bool asked = false;   ///< whether there was a setpoint,
-  Joint q_d{};          ///< and the last one, also of a law that starts anew
-  Knowledge known{};    ///< with large σ for excluded readings
-  FrameMark frame;      ///< in: counter of the readings' frame, if it has one
-  LimitState checked;   ///< of the limits,
-  StopCause cause = StopCause::none;  ///< the first that was violated, until acknowledge(),
+/// A stop, until acknowledge().
+struct PathStop {
+  bool stops = false;                 ///< the path must stop,
+  Real stop = 0;                      ///< in this time, s, for PathClock::advance(); 0: continue
+  std::uint32_t brakes = 0;           ///< motors whose brakes must hold, as bits
+  Real unanswered = 0;                ///< time since the last valid torque, s
+  Real stopping = 0;                  ///< time since the fault is undecided, s
+  LimitState checked;                 ///< of the limits,
+  StopCause cause = StopCause::none;  ///< the first that was violated,
   int part = -1;                      ///< and its motor or -1
+};
+
+/// State and report of the controller, owned by the caller; a new one starts afresh.
+struct FaultTolerantState : PathStop {
+  FaultMonitor monitor;
+  Coordinates at{};    ///< latest setpoint with a valid cycle
+  Joint weight{};      ///< torques that hold the robot there once all brakes are requested, N·m
+  bool asked = false;  ///< whether there was a setpoint,
+  Joint q_d{};         ///< and the last one, also of a law that starts anew
+  Knowledge known{};   ///< with large σ for excluded readings
+  FrameMark frame;     ///< in: counter of the readings' frame, if it has one
 };
 
 /// Lets the robot move: a new PathClock leads it from where it stands. What the fault monitor still
 /// finds stops it again.
-void release(FaultTolerantState& fault_state);
+inline void release(FaultTolerantState& fault_state) { static_cast<PathStop&>(fault_state) = {}; }
 
 /// Marks a repaired reading as valid and releases the robot.
 void acknowledge(FaultTolerantState& fault_state, int reading);

@@ -199,34 +199,28 @@ Outcome motor_error(const Robot& robot, Law law, const Reference& reference, con
   return {};
 }
 
-Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
-                    Joint& error, Real band, const Weighing& weighing, Nearby* kept,
-                    ServoCycle* cycle) {
+Outcome servo_cycle(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
+                    ServoCycle& cycle, Real band, const Weighing& weighing, Nearby* kept) {
   const int n = dof(robot.mobility), m = robot.motors;
-  const bool alone = properties(law).corrects == Corrects::motors;
-  if (!all_finite(q_e, alone ? m : readings(robot)) || !all_finite(x_d, n))
+  const Corrects corrects = properties(law).corrects;
+  if (!all_finite(q_e, corrects == Corrects::motors ? m : readings(robot)) || !all_finite(x_d, n))
     return {Status::not_finite};
   Reference reference;
   if (kept) kept->left = cycle_steps(robot);
   const Outcome regular = refer(robot, law, x_d, reference, band, weighing, kept);
   if (!regular) return regular;
   Pose found;
-  Joint e{};
-  Outcome outcome =
-      motor_error(robot, law, reference, q_e, e, found, weighing, kept ? &kept->search : nullptr);
-  if (outcome && !all_finite(e, m)) outcome = {Status::not_finite};
+  ServoCycle now;
+  const Outcome outcome = motor_error(robot, law, reference, q_e, now.error, found, weighing,
+                                      kept ? &kept->search : nullptr);
   if (!outcome) return outcome;
-  error = e;
-  if (cycle == nullptr) return regular;
-  const Corrects corrects = properties(law).corrects;
-  *cycle = {};
-  cycle->x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
-  cycle->error = e;
-  for (int i : range(n)) copy_first(m, reference.jacobians.J[i], cycle->J[i]);
-  for (int i : range(m)) {
-    cycle->q_d[i] = reference.q_e[i];
-    if (corrects == Corrects::readings) copy_first(m + robot.r, reference.tej[i], cycle->tej[i]);
-  }
+  if (!all_finite(now.error, m)) return {Status::not_finite};
+  now.x = corrects == Corrects::pose ? to_coordinates(robot.mobility, found) : x_d;
+  copy_first(m, reference.q_e, now.q_d);
+  for (int i : range(n)) copy_first(m, reference.jacobians.J[i], now.J[i]);
+  for (int i = 0; i < m && corrects == Corrects::readings; ++i)
+    copy_first(m + robot.r, reference.tej[i], now.tej[i]);
+  cycle = now;
   return regular;
 }
 }  // namespace truepose

@@ -119,11 +119,10 @@ struct ServoCycle {
 };
 
 /// One servo cycle for drives that close their own loops: IKM, assembly mode, J, TEJ, ê_q.
-/// @param error  out: ê_q
+/// @param cycle  out; unchanged without an answer
 /// @param band   conditioning below which J and J⁻¹ are damped (0: never)
 /// @param kept   null, or what a controller keeps: it then takes at most cycle_steps()
-/// @param cycle  out unless null
-Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
-                    Joint& error, Real band = 0, const Weighing& weighing = {},
-                    Nearby* kept = nullptr, ServoCycle* cycle = nullptr);
+Outcome servo_cycle(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
+                    ServoCycle& cycle, Real band = 0, const Weighing& weighing = {},
+                    Nearby* kept = nullptr);
 }  // namespace truepose

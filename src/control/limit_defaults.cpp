@@ -1,31 +1,9 @@
-// Limits of a control cycle from a robot and its controller, the needs of a path, and the distance
-// of a stop.
+// Limits of a control cycle from a robot and its controller, and the distance of a stop.
 #include "control/limit_defaults.hpp"
 
 namespace truepose {
 namespace {
 using namespace safety_detail;
-
-/// Frozen cycles until the loop opens, and the speed and way of the platform by the loop until
-/// then, without a mark of the frames. @param pace  of the motor that is fastest in counts, over
-/// its `still`
-struct Unmarked {
-  int cycles = 0;
-  Real gained = 0, way = 0;
-  Unmarked(const SafetyLimits& limits, Real kp, Real kd, Real speed, Real pace, Real rests) {
-    const Real T = limits.period;
-    Real error = 0, pushed = 0, seen = 0;  // of that motor
-    while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
-      ++cycles;
-      const Real next = max(pace * cycles - rests, Real{0});
-      pushed += T * kp * next + kd * (next - error);
-      seen += T * pushed;
-      error = next;
-      gained += T * (kp * cycles * T + kd) * speed;
-      way += T * gained;
-    }
-  }
-};
 
 /// A motor's travel: between its stops; without stops a quarter turn, or the rod's length.
 Real travel(const Chain& chain) {
@@ -99,18 +77,10 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
     slowest = min(slowest, sqrt(kp / inertia));
     rest = max(rest, limits.speed[i] * inertia / torque);
   }
-  Coordinates size;
-  for (int l : range(n)) size[l] = home.model.mass[l][l];
-  const Ldlt factor(n, home.model.mass, size);
-  for (int j = 0; j < motors && shaped; ++j) {  // one motor's friction moves the others, too
-    Coordinates motion;
-    for (int l : range(n)) motion[l] = home.model.k[j][l] * friction[j];
-    factor.solve(motion);
-    for (int i : range(motors)) {
-      const Real error = sum_of(n, [&](int l) { return home.model.k[i][l] * motion[l]; });
-      limits.rests[i] += fabs(home.model.slope[i] * error / settings.kp[i]);
-    }
-  }
+  Extended rubbed{};  // one motor's friction moves the others, too
+  if (shaped) outcome = fastest_under(robot, robot.home, friction, 0, rubbed);
+  if (!outcome) return outcome;
+  for (int i = 0; i < motors && shaped; ++i) limits.rests[i] += rubbed[i] / fabs(settings.kp[i]);
   for (int i : range(motors)) {
     const Real answer = sum_of(motors, [&](int j) {
       if (j != i && !shaped) return Real{0};
@@ -144,60 +114,29 @@ Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool m
     dither = max(dither, limits.kd[i] * limits.count[i] * home.lever(i));
     rests = max(rests, limits.rests[i] / limits.still[i]);
   }
-  const Real T = limits.period, least = least_pace(robot, home.model, limits);
+  const Real T = limits.period;
   int named = limits.age + 1;
   Real way = 0, gained = 0;
-  if (!marked) {
-    const Unmarked frozen(limits, kp, kd, speed, T * speed * least, rests);
-    named = max(frozen.cycles + 1, kFrozen);
-    gained = frozen.gained;
-    way = frozen.way + gained * T * (named - frozen.cycles);
+  if (!marked) {  // the loop takes the setpoint's way for an error until it opens
+    const Real pace = T * speed * least_pace(robot, home.model, limits);
+    Real error = 0, pushed = 0, seen = 0;  // of the motor that is fastest in counts, over its still
+    int cycles = 0;
+    while (cycles < kMostCounted && seen <= 1 && !(pace > kLeastPace && pace * (cycles + 1) > 1)) {
+      ++cycles;
+      const Real next = max(pace * cycles - rests, Real{0});
+      pushed += T * kp * next + kd * (next - error);
+      seen += T * pushed;
+      error = next;
+      gained += T * (kp * cycles * T + kd) * speed;
+      way += T * gained;
+    }
+    named = max(cycles + 1, kFrozen);
+    way += gained * T * (named - cycles);
   }
   speed += dither;
   const Real last = speed + gained;
   distance =
       way + speed * named * T + last * (T + limits.brake) + 0.5 * last * last * mass * per_work;
   return outcome;
-}
-
-Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathNeeds& needs) {
-  Closure closure;
-  Jacobians jacobians;
-  Joint torque{};
-  const Pose pose = to_pose(robot.mobility, setpoint.x);
-  Outcome outcome = jacobian_at(robot, pose, closure, jacobians);
-  if (outcome)
-    outcome = inverse_dynamics(robot, pose, setpoint.rate, setpoint.acceleration, torque);
-  if (!outcome) return outcome;
-  const Joint rate = jacobians.joint_rate(setpoint.rate);
-  for (int i : range(robot.motors)) {
-    needs.speed[i] = max(needs.speed[i], fabs(rate[i]));
-    needs.torque[i] = max(needs.torque[i], fabs(torque[i]));
-    if (needs.begun) needs.slew[i] = max(needs.slew[i], fabs(torque[i] - needs.last[i]) / period);
-    needs.last[i] = torque[i];
-  }
-  for (int i : range(dof(robot.mobility))) {
-    needs.low[i] = needs.begun ? min(needs.low[i], setpoint.x[i]) : setpoint.x[i];
-    needs.high[i] = needs.begun ? max(needs.high[i], setpoint.x[i]) : setpoint.x[i];
-  }
-  needs.begun = true;
-  return outcome;
-}
-
-Outcome contradiction(const Robot& robot, const SafetyLimits& limits, const PathNeeds& needs) {
-  const int n = dof(robot.mobility);
-  const Outcome own = consistent(limits, robot.motors, n);
-  if (!own) return own;
-  for (int i : range(robot.motors)) {
-    if (!(needs.speed[i] <= limits.speed[i] && needs.torque[i] <= limits.torque[i] &&
-          needs.slew[i] <= limits.slew[i]))
-      return {Status::no_such_value, i};
-  }
-  for (int i : range(n)) {
-    const bool boxed = limits.box_low[i] < limits.box_high[i];
-    if (boxed && !(needs.low[i] >= limits.box_low[i] && needs.high[i] <= limits.box_high[i]))
-      return {Status::no_such_value};
-  }
-  return own;
 }
 }  // namespace truepose

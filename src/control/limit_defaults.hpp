@@ -1,5 +1,4 @@
-// Limits of a control cycle from a robot and its controller, the needs of a path, and the distance
-// of a stop.
+// Limits of a control cycle from a robot and its controller, and the distance of a stop.
 #pragma once
 
 #include "control/control.hpp"
@@ -50,19 +49,4 @@ Outcome default_limits(const Robot& robot, const ControlSettings& settings, Safe
 /// @param marked  frames carry a counter or timestamp
 Outcome stopping_distance(const Robot& robot, const SafetyLimits& limits, bool marked, Real speed,
                           Real& distance);
-
-/// What a path asks of the motors.
-struct PathNeeds {
-  Joint speed{}, torque{}, slew{};
-  Joint last{};  ///< torque of the last setpoint
-  Coordinates low{}, high{};
-  bool begun = false;
-};
-
-/// Adds the next setpoint of a path. @return the inverse model's and dynamics' failures
-Outcome include(const Robot& robot, Real period, const Setpoint& setpoint, PathNeeds& needs);
-
-/// Compares limits with themselves and with a path, before anything moves.
-/// @return no_such_value and the motor whose limit is below what the path needs; -1: the box
-Outcome contradiction(const Robot& robot, const SafetyLimits& limits, const PathNeeds& needs);
 }  // namespace truepose

@@ -4,14 +4,16 @@
 namespace truepose {
 Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
   const auto positive = [](Real value) { return value > 0 && value < INFINITY; };
+  const auto within = [](Real least, Real value, Real most) {
+    return value >= least && value <= most;
+  };
   const SafetyLimits& l = limits;
-  const Real period = l.period;
-  bool good = positive(period) && period <= kReaction && positive(l.stop) && l.brake >= 0 &&
-              positive(l.standstill) && l.standstill + l.brake < INFINITY &&
-              l.saturation >= period && l.clipped >= period;
-  good = good && l.missing >= 0 && l.missing <= kReaction && l.held >= 0 && l.held <= kReaction;
-  good = good && l.window >= 1 && l.window <= kMostWindow && l.age >= 1 &&
-         l.age * period <= kReaction && l.counter_bits >= 2 && l.counter_bits <= 64;
+  const Real T = l.period;
+  bool good = positive(T) && positive(l.stop) && positive(l.standstill) && l.brake >= 0 &&
+              positive(l.standstill + l.brake) && l.saturation >= T && l.clipped >= T;
+  good = good && within(0, l.missing, kReaction) && within(0, l.held, kReaction) &&
+         within(1, l.window, kMostWindow) && within(T, l.age * T, kReaction) &&
+         within(2, l.counter_bits, 64);
   for (int j : range(freedoms)) good = good && l.box_low[j] <= l.box_high[j];
   if (!good) return {Status::no_such_value};
   for (int i : range(motors)) {
@@ -31,8 +33,8 @@ Outcome consistent(const SafetyLimits& limits, int motors, int freedoms) {
 bool approach(const SafetyLimits& limits, int motors, const Joint& target, Joint& torque) {
   bool reached = true;
   for (int i : range(motors)) {
-    const Real most = limits.torque[i] > 0 ? limits.torque[i] : 0;
-    const Real step = limits.slew[i] * limits.period > 0 ? limits.slew[i] * limits.period : 0;
+    const Real most = max(Real{0}, limits.torque[i]);  // also of NaN
+    const Real step = max(Real{0}, limits.slew[i] * limits.period);
     const Real now = torque[i];
     const Real bounded = clamp(isfinite(target[i]) ? target[i] : now, -most, most);
     const Real way = bounded - now;  // exact where it ends, no sum of roundings

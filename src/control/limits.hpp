@@ -109,8 +109,7 @@ constexpr std::uint32_t causes_with(bool CauseProperties::* property) {
   return causes;
 }
 
-/// Checks limits for contradictions in themselves; `contradiction` of the defaults compares them
-/// with a path.
+/// Checks limits for contradictions in themselves.
 /// @return no_such_value, and the motor; -1: a time, a box or a number of cycles
 Outcome consistent(const SafetyLimits& limits, int motors, int freedoms);
 

@@ -8,7 +8,8 @@
 #include "estimation/evidence.hpp"
 
 namespace truepose::fault_monitor_detail {
-struct MonitoredCycle {
+/// As of monitor_faults().
+struct MonitoredInputs {
   const Robot& robot;
   const FaultMonitorSettings& settings;
   const Weighing& weighing;
@@ -16,8 +17,10 @@ struct MonitoredCycle {
   Extended q_e;  ///< readings; delayed ones extrapolated to now
   FaultMonitor& monitor;
   Extended& believed;
-  Multirate* late;  ///< slow and delayed sensors; nullptr: none
+  Multirate* late;
+};
 
+struct MonitoredCycle : MonitoredInputs {
   const int n = robot.motors, r = robot.r, rows = n + r;
   Parity parity;
   Extended noise{};               ///< variances of the readings' own errors
@@ -30,17 +33,13 @@ struct MonitoredCycle {
   std::uint32_t replaced = 0;     ///< those of them that the others give
   std::uint32_t held = 0;         ///< candidate motors held at their setpoints
 
-  MonitoredCycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
-                 const Joint& desired, const Extended& q_e, FaultMonitor& monitor,
-                 Extended& believed, Multirate* late);
+  explicit MonitoredCycle(const MonitoredInputs& inputs) : MonitoredInputs(inputs) {}
 
   /// All steps. @return as of monitor_faults()
   Outcome run();
 
   bool delayed(int c) const { return late && c >= n && late->is(c - n); }
   int every(int c) const { return delayed(c) ? max(1, late->settings.every[c - n]) : 1; }
-  /// Whether no motor's reading has failed.
-  bool motors_valid() const;
   /// Value that the model gives a reading: a motor's setpoint, a sensor's by the motors.
   Real model(int c) const;
   /// Value whose changes show that a reading moves: of a delayed sensor its last sample.
@@ -49,8 +48,7 @@ struct MonitoredCycle {
   // A reading by itself: reading_tests.cpp
   void test_readings(int begin, int end);
   Symptom symptom_of(int c) const;
-  /// Whether an innovation is more than noise and the usual motion leave.
-  bool leaves_track(int c, Real innovation) const;
+  /// Of innovations, by noise and the usual motion.
   Real track_variance(int c) const;
   /// Excludes a reading in this cycle. Too long, or too often, and it has failed; one that stands
   /// still gets twice the time.
@@ -79,8 +77,8 @@ struct MonitoredCycle {
   /// error is a function of the pose: an acceleration changes it as far as the pose, a velocity by
   /// its square.
   Real bending() const;
-  /// Whether χ² of a parity is beyond its limit.
-  bool alarm(const ReadingCovariance& V, const Reading& value);
+  /// Whether χ² of a parity is beyond its limit. @param gain, share  as of covariance()
+  bool alarm(Real gain, Real share, const Reading& value);
   void test_parity();
   /// Signature of a reading, whitened, over a parity. @param y  whitened
   Column column_of(int c, const ReadingCovariance& V, const Reading& y) const;
@@ -106,7 +104,6 @@ struct MonitoredCycle {
   /// or, with online calibration, they are outdated.
   void refresh();
 
-  Outcome locate();
   /// Updates the state of every reading. @return the first that is not valid, or -1
   int update();
   void update_parity();

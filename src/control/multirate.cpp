@@ -75,14 +75,8 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
   Extended fed{};  // sensors as expected: the parity is minus the change of h
   copy_first(n, q_e, fed);
   copy_first(robot.r, late.expected, fed.begin() + n);
-  Pose near = moved(robot.mobility, late.pose, late.motion);
-  Outcome outcome;
-  if (!late.placed) {
-    near = to_pose(robot.mobility, robot.home);
-    outcome = {fkm(robot, motors_of(robot, fed), near).status, -1};
-  }
   Parity parity;
-  if (outcome) outcome = parity.locate(robot, near, fed, Extended{});
+  const Outcome outcome = parity.locate(robot, late, fed, Extended{});
   if (!outcome) return outcome;
   if (late.placed) late.motion = difference(robot.mobility, parity.pose, late.pose);
   late.pose = parity.pose;
@@ -96,7 +90,7 @@ Outcome locate_motors(const Robot& robot, const Extended& q_e, Multirate& late) 
           (chain.encoder_step * chain.encoder_step + chain.encoder_noise * chain.encoder_noise);
     }
   }
-  return {};
+  return outcome;
 }
 }  // namespace
 
@@ -109,30 +103,27 @@ Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   const Outcome placed = locate_motors(robot, q_e, late);
   if (!placed && first) return placed;
   late.placed = bool(placed);
-  for (int i = 0; i < n && !first; ++i) late.way[i] += late.motion[i];
+  for (int i : range(n)) late.way[i] += late.motion[i];
   for (int k : range(robot.r)) late.expected[k] += late.change[k];
-  const auto at = [&](std::int64_t ago) {  // before the first cycle the robot stood still
-    return std::size_t(max<std::int64_t>(0, late.cycle - ago)) & kOldest;
+  const auto at = [&](std::int64_t ago) -> ByMotors& {  // before the first cycle it stood still
+    return late.was[std::size_t(max<std::int64_t>(0, late.cycle - ago)) & kOldest];
   };
-  late.was[at(0)] = late.expected;
-  late.was_there[at(0)] = late.way;
+  at(0) = late;
   if (first) late.arrived = late.which;
   for (int k : range(robot.r)) {
     if (!late.is(k)) continue;
     late.since[k] += 1;
     if (late.arrived & bit(k)) {
       const auto whole = std::int64_t(late.age[k]);
-      const Real share = late.age[k] - Real(whole);
-      const std::size_t next = at(whole), last = share > 0 ? at(whole + 1) : next;
-      const auto then = [&](Real at_next, Real at_last) {
+      const ByMotors &next = at(whole), &last = at(whole + 1);
+      const auto then = [share = late.age[k] - Real(whole)](Real at_next, Real at_last) {
         return at_next + share * (at_last - at_next);
       };
       late.since[k] = first ? 0 : late.age[k];
       late.sample[k] = q_e[m + k];
-      late.then[k] = then(late.was[next][k], late.was[last][k]);
+      late.then[k] = then(next.expected[k], last.expected[k]);
       late.before[k] = first ? late.way : late.there[k];
-      for (int i : range(n))
-        late.there[k][i] = then(late.was_there[next][i], late.was_there[last][i]);
+      for (int i : range(n)) late.there[k][i] = then(next.way[i], last.way[i]);
       late.off[k] = within_turn(robot, m + k, late.sample[k] - late.then[k]);
     }
     const int longest = late.settings.age[k] + kDropped * max(1, late.settings.every[k]);

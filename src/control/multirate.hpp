@@ -40,8 +40,14 @@ struct MultirateSettings {
   }
 };
 
-/// State of these sensors. Plain data, the caller's.
-struct Multirate {
+/// What the motors say at one time.
+struct ByMotors {
+  Reading expected{};  ///< h
+  Coordinates way{};   ///< motion of the pose since the start
+};
+
+/// State of these sensors. Plain data, the caller's. Pose and h are the motors'.
+struct Multirate : MotorsPose, ByMotors {
   // From start():
   MultirateSettings settings;
   std::uint32_t which = 0;  ///< slow and delayed sensors, as bits
@@ -53,23 +59,17 @@ struct Multirate {
   std::array<std::uint64_t, kMaxSensors> taken{};  ///< the latest, ns
   Reading since{};                                 ///< periods since the latest sample was taken
 
-  std::int64_t cycle = 0;                    ///< next one
-  bool placed = false;                       ///< the motors had a pose in the last cycle
-  Pose pose;                                 ///< of the motors
-  Coordinates motion{};                      ///< its change in that cycle,
-  Coordinates way{};                         ///< and since the start
-  Reading expected{};                        ///< h there,
-  Reading change{};                          ///< and its change in that cycle
-  Reading noise{};                           ///< variance of h by the motors' noise and counts
-  Matrix<kOldest + 1, kMaxSensors> was{};    ///< ring buffer of h,
-  Matrix<kOldest + 1, kMaxDof> was_there{};  ///< and of `way`
-  Reading sample{};                          ///< latest that arrived, as read,
-  Reading then{};                            ///< h when it was taken,
-  Matrix<kMaxSensors, kMaxDof> there{};      ///< `way` then,
-  Matrix<kMaxSensors, kMaxDof> before{};     ///< `way` of the sample before,
-  Reading off{};                             ///< and p
-  Reading slow{};                            ///< p behind the low-pass; of sensors in `begun`
-  Matrix<kMaxSensors, kMaxDof> slowly{};     ///< `there`, likewise
+  std::int64_t cycle = 0;                   ///< next one
+  Reading change{};                         ///< of h in the last cycle
+  Reading noise{};                          ///< variance of h by the motors' noise and counts
+  std::array<ByMotors, kOldest + 1> was{};  ///< ring buffer
+  Reading sample{};                         ///< latest that arrived, as read,
+  Reading then{};                           ///< h when it was taken,
+  Matrix<kMaxSensors, kMaxDof> there{};     ///< `way` then,
+  Matrix<kMaxSensors, kMaxDof> before{};    ///< `way` of the sample before,
+  Reading off{};                            ///< and p
+  Reading slow{};                           ///< p behind the low-pass; of sensors in `begun`
+  Matrix<kMaxSensors, kMaxDof> slowly{};    ///< `there`, likewise
   std::uint32_t begun = 0;
   Reading present{};  ///< extrapolated readings
 

@@ -13,8 +13,7 @@ Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyon
   Closure closure;
   Reading values;
   SensorRows jr;
-  Outcome outcome = jacobian_at(robot, from, closure, jacobians);
-  if (outcome) outcome = rkm(robot, closure, values, jr);
+  const Outcome outcome = kinematics_at(robot, from, 0, closure, jacobians, values, jr);
   if (!outcome) return outcome;
   extend(robot, closure.q(), values, expected);
   for (int c : range(n + robot.r)) expected[c] += beyond[c];
@@ -26,11 +25,17 @@ Outcome Parity::look(const Robot& robot, const Pose& from, const Extended& beyon
   return {};
 }
 
-Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e,
+Outcome Parity::locate(const Robot& robot, const MotorsPose& last, const Extended& q_e,
                        const Extended& beyond) {
   n = robot.motors;
   constexpr Real kNear = 1e-3;  // motor error; one step leaves its square
-  pose = near;
+  if (last.placed) {
+    pose = moved(robot.mobility, last.pose, last.motion);
+  } else {
+    pose = to_pose(robot.mobility, robot.home);
+    const Status found = fkm(robot, motors_of(robot, q_e), pose).status;
+    if (!Outcome{found}) return {found};
+  }
   read = q_e;
   Extended error;
   for (int left = 3; left > 0; --left) {
@@ -55,8 +60,7 @@ Outcome Parity::locate(const Robot& robot, const Pose& near, const Extended& q_e
   return {finite ? Status::ok : Status::not_finite};
 }
 
-void Parity::covariance(int r, const Extended& noise,
-                        const Matrix<kMaxSensors, kMaxSensors>& geometry, Real share,
+void Parity::covariance(int r, const Extended& noise, const ParityGeometry& geometry, Real share,
                         ReadingCovariance& V) const {
   for (int k : range(r))
     for (int l : range(k + 1)) {
@@ -66,44 +70,39 @@ void Parity::covariance(int r, const Extended& noise,
     }
 }
 
-void Parity::open(const Robot& robot, const Knowledge& known, const Real* PH, Real* B) const {
-  const int width = parameter_count(robot);
-  for (int k : range(robot.r))
-    for (int m : range(known.count)) B[k * known.count + m] = PH[k * width + known.column[m]];
-  times_root(known, robot.r, B);
-}
-
-Real Parity::expectation_noise(const Extended& noise, int reading) const {
-  Real sum = 0;
-  if (reading >= n)
-    for (int j : range(n)) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
-  return sqrt(sum);
-}
-
 Real chi_squared(const ReadingCovariance& V, int r, Reading parity) {
   V.whiten(r, parity.data(), 1);
   return sum_of(r, [&](int k) { return parity[k] * parity[k]; });
 }
 
-Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, Real* PH,
-                    Extended& beyond, Parasitic& rest) {
+Outcome Parity::geometry_at(const Robot& robot, const Pose& pose, const Knowledge& known,
+                            Real* work, ParityGeometry& geometry, Extended& beyond,
+                            Parasitic& rest) const {
+  const int r = robot.r, width = parameter_count(robot), count = known.count;
+  Real *PH = work, *B = PH + readings(robot) * width;
   beyond.fill(0);
   Extended q_e;
   PoseRows H_x;
   rest.left = cycle_steps(robot);
   const auto of = [&](const auto& at) -> Outcome {
     if constexpr (requires { at.built; })
-      return linearise(robot, at.built, at.at, at.pose.theta, q_e, H_x, PH, &parity.g);
+      return linearise(robot, at.built, at.at, at.pose.theta, q_e, H_x, PH, &g);
     else
-      parameter_jacobian(robot, at, PH, &parity.g);
+      parameter_jacobian(robot, at, PH, &g);
     return {};
   };
-  const Outcome outcome = closed(level_of(robot), robot, pose, of, &rest);
-  if (!outcome || !robot.rod_by_rod()) return outcome;
-  Extended ideal;
-  const Outcome also = extended(Level::ideal, robot, pose, ideal);
-  for (int c = 0; also && c < readings(robot); ++c) beyond[c] = q_e[c] - ideal[c];
-  return also;
+  Outcome outcome = closed(level_of(robot), robot, pose, of, &rest);
+  if (outcome && robot.rod_by_rod()) {
+    Extended ideal;
+    outcome = extended(Level::ideal, robot, pose, ideal);
+    for (int c : range(readings(robot))) beyond[c] = q_e[c] - ideal[c];
+  }
+  if (!outcome) return outcome;
+  for (int k : range(r))
+    for (int m : range(count)) B[k * count + m] = PH[k * width + known.column[m]];
+  times_root(known, r, B);
+  for (int k : range(r))
+    for (int l : range(k + 1)) geometry[k][l] = dot(count, B + k * count, B + l * count);
+  return outcome;
 }
-
 }  // namespace truepose

@@ -19,6 +19,16 @@ constexpr std::uint32_t bit(int reading) { return std::uint32_t{1} << reading; }
 /// Whether a reading, rad or m, is a number. False also where later numbers would overflow.
 inline bool number(Real reading) { return fabs(reading) < 1e9; }
 
+/// P H_ξ Σ_ξ H_ξᵀ Pᵀ, lower triangle.
+using ParityGeometry = Matrix<kMaxSensors, kMaxSensors>;
+
+/// The motors' pose from cycle to cycle.
+struct MotorsPose {
+  bool placed = false;  ///< `pose` is that of the last cycle
+  Pose pose;
+  Coordinates motion{};  ///< in that cycle
+};
+
 /// Readings at the pose that the motors give.
 struct Parity {
   int n = 0;          ///< motors
@@ -35,24 +45,22 @@ struct Parity {
   /// h, J and J_r J at a pose. @param beyond  the full level's addition to h
   Outcome look(const Robot& robot, const Pose& from, const Extended& beyond);
 
-  /// Finds the motors' pose by Newton from a pose nearby, and p there.
-  Outcome locate(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond);
+  /// Finds the motors' pose by Newton from where the last cycle leads, or from scratch, and p
+  /// there.
+  Outcome locate(const Robot& robot, const MotorsPose& last, const Extended& q_e,
+                 const Extended& beyond);
 
-  /// P diag(noise) Pᵀ + share · geometry, lower triangle. @param geometry  P H_ξ Σ_ξ H_ξᵀ Pᵀ
-  void covariance(int r, const Extended& noise, const Matrix<kMaxSensors, kMaxSensors>& geometry,
-                  Real share, ReadingCovariance& V) const;
+  /// P diag(noise) Pᵀ + share · geometry, lower triangle.
+  void covariance(int r, const Extended& noise, const ParityGeometry& geometry, Real share,
+                  ReadingCovariance& V) const;
 
-  /// The geometry's uncertainty in the parity, r rows of B. @param PH  P H_ξ
-  void open(const Robot& robot, const Knowledge& known, const Real* PH, Real* B) const;
-
-  /// σ of the change, between cycles at rest, of a sensor's value predicted by the motors.
-  Real expectation_noise(const Extended& noise, int reading) const;
+  /// The geometry's uncertainty in p at a pose, of the robot's level, and the readings' addition to
+  /// the ideal level's.
+  /// @param work  estimate_work(robot, known.count) numbers
+  /// @param rest  residual motion. In: at a pose nearby; out: at this one, if ok
+  Outcome geometry_at(const Robot& robot, const Pose& pose, const Knowledge& known, Real* work,
+                      ParityGeometry& geometry, Extended& beyond, Parasitic& rest) const;
 };
-
-/// P H_ξ of the robot's level at a pose, r rows, and the readings' addition to the ideal level's.
-/// @param rest  residual motion. In: at a pose nearby; out: at this one, if ok
-Outcome geometry_at(const Robot& robot, const Parity& parity, const Pose& pose, Real* PH,
-                    Extended& beyond, Parasitic& rest);
 
 /// χ² of a parity. @param V  factored
 Real chi_squared(const ReadingCovariance& V, int r, Reading parity);

@@ -31,7 +31,9 @@ Real MonitoredCycle::bending() const {
   return settings.together.acceleration * per * (sqrt(bend2) + way2 * per);
 }
 
-bool MonitoredCycle::alarm(const ReadingCovariance& V, const Reading& value) {
+bool MonitoredCycle::alarm(Real gain, Real share, const Reading& value) {
+  ReadingCovariance V;
+  if (!covariance(gain, share, V)) return false;
   monitor.chi2 = chi_squared(V, r, value);
   monitor.freedom = max(0, r - left_out);
   return monitor.freedom > 0 && !(monitor.chi2 <= settings.chi2[std::size_t(monitor.freedom)]);
@@ -96,10 +98,8 @@ void MonitoredCycle::test_parity() {
   // During a disagreement the tracker only predicts, for some cycles.
   const Real coasted = 1 + 0.5 * all.undecided * (1 - kParityPole);
   const Real bend = bending() * coasted * coasted;
-  ReadingCovariance V;
-  const bool changed = !monitor.undecided &&
-                       covariance(settings.together.variance, bend * bend, V) && alarm(V, change);
-  const bool level = monitor.known && covariance(1, 1, V) && alarm(V, parity.value);
+  const bool changed = !monitor.undecided && alarm(settings.together.variance, bend * bend, change);
+  const bool level = monitor.known && alarm(1, 1, parity.value);
   if (!changed && !level) {
     if (!monitor.undecided) monitor.doubted = 0;
     if (all.cycles > 0 && --all.undecided <= 0) all = {};

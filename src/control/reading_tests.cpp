@@ -8,8 +8,6 @@ void MonitoredCycle::test_readings(int begin, int end) {
     if (!reading.begun && number(q_e[c])) {
       reading.begun = true;
       reading.track = {q_e[c], 0};
-      reading.standstill.reading = q_e[c];
-      reading.standstill.model = c < n ? desired[c] : q_e[c];
       const Real off = c < n ? desired[c] - q_e[c] : 0;
       reading.following.usual = number(off) ? off : 0;
     }
@@ -53,10 +51,6 @@ Real MonitoredCycle::track_variance(int c) const {
   return settings.own.variance * noise[c] + monitor.reading[c].scatter;
 }
 
-bool MonitoredCycle::leaves_track(int c, Real by) const {
-  return by * by > settings.sigmas * settings.sigmas * track_variance(c);
-}
-
 void MonitoredCycle::extrapolate(int c, Symptom symptom) {
   MonitoredReading& reading = monitor.reading[c];
   Extrapolations& times = reading.extrapolated;
@@ -82,11 +76,11 @@ void MonitoredCycle::extrapolate_delayed() {
   copy_first(n, believed, by);
   if (!compensate_latency(robot, *late, by)) return;
   std::copy_n(by.begin() + n, r, q_e.begin() + n);
-  const bool motors = motors_valid();  // a delayed reading cannot substitute a motor
+  const bool motors = !monitor.failed(n);  // a delayed reading cannot substitute a motor
   for (int c : range(rows)) {
     if (delayed(c))
       noise[c] = motors ? noise[c] + latency_variance(*late, c - n, late->before[c - n]) : 1;
-    else if (c < n && leaves_track(c, innovation[c]))
+    else if (c < n && innovation[c] * innovation[c] > settings.chi2[1] * track_variance(c))
       monitor.reading[c].left_track = monitor.cycle;
   }
 }

@@ -3,15 +3,9 @@
 
 namespace truepose {
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
-  if (!robot.finished) return {Status::unfinished};
-  const bool turns = robot.mobility == Mobility::schoenflies;
-  if (!turns && robot.mobility != Mobility::translation) return {Status::not_measured};
   pose = Pose{};
-  if (turns) {
-    int k = 0;
-    while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
-    if (k == robot.r) return {Status::not_measured};
-    pose.theta = measured(robot.sensor[k], q_e[robot.motors + k]);
+  if (robot.mobility == Mobility::schoenflies) {
+    pose.theta = measured(robot.sensor[0], q_e[robot.motors]);
     pose.R = rotation_z(pose.theta);
   }
   return fkm_closed(robot, motors_of(robot, q_e), pose.R, near_side, pose.D);

@@ -12,8 +12,8 @@ inline bool in_closed_form(const Robot& robot) {
   return robot.mobility == Mobility::translation && robot.r == 0;
 }
 
-/// Redundant FKM in closed form, as in the paper: orientation from its sensor (or fixed by the
-/// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
+/// Redundant FKM as in the paper, of a robot for which `in_closed_form` holds: orientation from its
+/// sensor (or fixed by the mobility), position from all spheres.
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose);
 
 /// Steps from x_d or the last x̂ after which the search restarts at the motors' pose.

@@ -37,9 +37,11 @@ Real MonitoredCycle::model_motion(int c, Real way) const {
   Real led = side * (setpoint(c) - still.driven.from + way);
   if (c >= n) led = min(led, side * still.setpoint_motion);
   if (!(led > kLed * settings.moved[c])) return 0;
+  Real variance = 0;  // of the change, between cycles at rest, of a sensor's value by the motors
+  for (int j = 0; c >= n && j < n; ++j)
+    variance += 2 * parity.g[c - n][j] * parity.g[c - n][j] * noise[j];
   // Motion of a motor towards its setpoint does not count.
-  return min(fabs(by), fabs(by + reading.following.deviation)) -
-         settings.sigmas * parity.expectation_noise(noise, c);
+  return min(fabs(by), fabs(by + reading.following.deviation)) - settings.sigmas * sqrt(variance);
 }
 
 bool MonitoredCycle::motor_stands(int c, Real moved) const {

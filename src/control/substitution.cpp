@@ -49,7 +49,7 @@ void MonitoredCycle::substitute() {
   Coordinates step{};
   for (int c : range(rows)) {
     if (!(without & bit(c))) continue;
-    MonitoredReading& reading = monitor.reading[c];
+    const MonitoredReading& reading = monitor.reading[c];
     const bool failed = reading.health == Health::failed, motor = c < n;
     const Column error = regular ? column_of(c, V, y) : Column{};
     const Real b = unknown[c] * error.score;
@@ -62,19 +62,17 @@ void MonitoredCycle::substitute() {
       believed[c] -= b;
       for (int i = 0; motor && i < dof(robot.mobility); ++i)
         step[i] -= parity.jacobians.J[i][c] * b;
-    } else if (motor && failed) {
-      monitor.lost |= bit(c);
-      believed[c] = number(desired[c]) ? desired[c] : reading.track.predicted(settings.period);
-    } else if (motor) {
-      believed[c] = isfinite(desired[c]) ? desired[c] - extrapolated_error(c)
-                                         : reading.track.predicted(settings.period);
+      continue;
+    }
+    believed[c] = reading.track.predicted(settings.period);
+    if (motor) {
+      if (failed) monitor.lost |= bit(c);
+      if (number(desired[c])) believed[c] = desired[c] - (failed ? 0 : extrapolated_error(c));
     } else if (failed) {
-      believed[c] = model(c);  // as far as the motors determine it
-    } else {                   // follows the motors
-      const bool follows = delayed(c) || !(without & (bit(n) - 1));
-      believed[c] = follows ? parity.read[c] - parity.value[c - n] +
-                                  monitor.parity[c - n].predicted(settings.period)
-                            : reading.track.predicted(settings.period);
+      believed[c] = model(c);                              // as far as the motors determine it
+    } else if (delayed(c) || !(without & (bit(n) - 1))) {  // follows the motors
+      believed[c] =
+          parity.read[c] - parity.value[c - n] + monitor.parity[c - n].predicted(settings.period);
     }
   }
   parity.pose = moved(robot.mobility, parity.pose, step);
@@ -86,16 +84,12 @@ void MonitoredCycle::refresh() {
   const bool due = (monitor.cycle + settings.refresh - 1) % settings.refresh == 0;
   if (!due && !(monitor.way > kSamePlace * settings.correlation)) return;
   monitor.way = 0;
-  const Knowledge& known = *weighing.known;
-  Real *PH = weighing.work, *B = PH + rows * parameter_count(robot);
   Extended beyond;
   // An earlier covariance remains valid where this one fails.
-  if (!geometry_at(robot, parity, monitor.pose, PH, beyond, monitor.rest)) return;
+  if (!parity.geometry_at(robot, monitor.pose, *weighing.known, weighing.work, monitor.geometry,
+                          beyond, monitor.rest))
+    return;
   monitor.known = true;
-  parity.open(robot, known, PH, B);
-  for (int k : range(r))
-    for (int l : range(k + 1))
-      monitor.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
   for (int k : range(r)) {
     Real more = beyond[n + k] - monitor.beyond[n + k];
     for (int j : range(n)) more -= parity.g[k][j] * (beyond[j] - monitor.beyond[j]);

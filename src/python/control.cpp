@@ -74,19 +74,6 @@ auto review(const FaultTolerantSetup& setup, const Rows& desired, const Rows& q_
   for_rows(rows.size(), next, kInOrder);
   return records(rows);
 }
-/// What setpoints, (N, n) each, need of the motors, and the limits' contradiction with it.
-auto path_needs(const Robot& robot, const SafetyLimits& limits, const Rows& x, const Rows& rate,
-                const Rows& acceleration) {
-  PathNeeds needs;
-  Outcome outcome;
-  for (std::size_t k = 0; k < x.shape(0) && outcome; ++k)
-    outcome = include(
-        robot, limits.period,
-        {row<Coordinates>(x, k), row<Coordinates>(rate, k), row<Coordinates>(acceleration, k)},
-        needs);
-  if (outcome) outcome = contradiction(robot, limits, needs);
-  return answered(outcome, needs.speed, needs.torque, needs.slew, needs.low, needs.high);
-}
 
 }  // namespace
 
@@ -108,7 +95,6 @@ void bind_control(nb::module_& m) {
   m.def("consistent", [](const SafetyLimits& given, int motors, int freedoms) {
     return answered(consistent(given, motors, freedoms));
   });
-  m.def("path_needs", &path_needs);
   m.def("stopping_distance",
         [](const Robot& robot, const SafetyLimits& given, bool marked, double speed) {
           double distance = 0;

@@ -217,18 +217,18 @@ TEST_EACH(for_each, "laws, estimates and control cycles through C are the core's
       const truepose_setpoint setpoint_c = setpoint_in_c(setpoint.x);
       Extended q_e = readings_at(robot, setpoint.x);
       for (int i = 0; i < motors + robot.r; ++i) q_e[i] += 1e-4 * random();
-      Joint e{};
+      ServoCycle e;
       truepose_real torque[TRUEPOSE_MOTORS] = {};
       truepose_servo_cycle cycle;
       CHECK(same(truepose_servo(model, static_cast<int>(law), 0, setpoint.x.data(), q_e.data(),
                                 known, known.work.data(), &cycle),
-                 motor_error(robot, law, setpoint.x, q_e, e, 0, known.prior.weighing())));
-      CHECK(same(cycle.error, e));
+                 servo_cycle(robot, law, setpoint.x, q_e, e, 0, known.prior.weighing())));
+      CHECK(same(cycle.error, e.error));
       CHECK(same(truepose_controller_servo(model, &alone, setpoint.x.data(), q_e.data(), known,
                                            known.work.data(), &cycle),
-                 motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing,
+                 servo_cycle(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing,
                              &nearby)));
-      CHECK(same(cycle.error, e));
+      CHECK(same(cycle.error, e.error));
       CHECK(same(truepose_control(model, &controller, &setpoint_c, q_e.data(), known,
                                   known.work.data(), torque),
                  control(robot, settings, setpoint, q_e, state, keeps)));
@@ -684,15 +684,16 @@ TEST_EACH(for_each, "a servo cycle in one call is IKM, J, TEJ and motor error of
     if (law != TRUEPOSE_LAW_JOINT && redundancy(robot) == 0) continue;
     const Coordinates x = any_x(random);
     Extended q_e{};
-    Joint q{}, e{};
+    Joint q{};
+    ServoCycle e;
     std::array<Joint, 6> J;
     std::array<Extended, TRUEPOSE_MOTORS> tej;
     CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
     for (int i = 0; i < motors + robot.r; ++i) q_e[i] += 1e-4 * random();
     truepose_servo_cycle cycle;
     CHECK(model.servo(law, x, q_e, cycle));
-    CHECK(motor_error(robot, static_cast<Law>(law), x, q_e, e));
-    CHECK(same(cycle.error, e) && same(cycle.q_d, q));
+    CHECK(servo_cycle(robot, static_cast<Law>(law), x, q_e, e));
+    CHECK(same(cycle.error, e.error) && same(cycle.q_d, q));
     CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
     const bool by_readings = law == TRUEPOSE_LAW_TEJ;
     CHECK((std::memcmp(cycle.tej, &tej, sizeof tej) == 0) == by_readings);

@@ -138,11 +138,12 @@ TEST_EACH(for_each_described, "every law corrects small errors of the motors by 
     const Coordinates x = random_pose(mechanism, random);
     Coordinates step{}, there = x;
     for (int j = 0; j < n; ++j) there[j] += step[j] = 1e-7 * random();
-    Joint q{}, error{};
+    Joint q{};
+    ServoCycle cycle;
     CHECK(ikm(Level::ideal, robot, x, q));
     const Extended q_e = read_at(robot, to_pose(K, there)).q_e;
-    CHECK(motor_error(robot, law.law, x, q_e, error, 0, weighing));
-    for (int i = 0; i < motors; ++i) CHECK_NEAR(error[i], q[i] - q_e[i], 1e-11);
+    CHECK(servo_cycle(robot, law.law, x, q_e, cycle, 0, weighing));
+    for (int i = 0; i < motors; ++i) CHECK_NEAR(cycle.error[i], q[i] - q_e[i], 1e-11);
   }
 }
 

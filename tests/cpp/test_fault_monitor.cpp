@@ -121,7 +121,7 @@ TEST_EACH(for_each,
     Extended q_e{};
     Parity parity;
     if (!extended(Level::ideal, robot, at, q_e) ||
-        !parity.locate(robot, nearby(K, at, random, 1e-3), q_e, Extended{}))
+        !parity.locate(robot, {true, nearby(K, at, random, 1e-3)}, q_e, Extended{}))
       continue;
     for (int k = 0; k < robot.r; ++k) CHECK_NEAR(parity.value[k], 0, 1e-6);  // of 1 mm the square
     for (int c = 0; c < readings(robot); ++c) {
@@ -129,7 +129,7 @@ TEST_EACH(for_each,
       Extended wrong = q_e;
       wrong[c] += step;
       Parity moved;
-      if (!moved.locate(robot, at, wrong, Extended{})) continue;
+      if (!moved.locate(robot, {true, at}, wrong, Extended{})) continue;
       const Reading g = parity.signature(robot.r, c);
       for (int k = 0; k < robot.r; ++k)
         CHECK_NEAR(moved.value[k] / step, g[k], 1e-3 * (1 + std::fabs(g[k])));
@@ -238,8 +238,8 @@ TEST_EACH(
     const Weighing weighing{&scene.known, nullptr};
     const Joint desired{};
     Extended q_e{};
-    return fault_monitor_detail::MonitoredCycle(scene.robot, scene.settings, weighing, desired, q_e,
-                                                watch, q_e, nullptr)
+    return fault_monitor_detail::MonitoredCycle(
+               {scene.robot, scene.settings, weighing, desired, q_e, watch, q_e, nullptr})
         .bending();
   };
   CHECK_NEAR(bending(uniform) / left([=](int k) { return speed * k; }), 1, 0.01);

@@ -5,6 +5,7 @@ import pytest
 from fixtures import drawn_poses
 
 import truepose as tp
+from truepose import _core
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +25,8 @@ def test_counts_and_shapes(robot, poses):
     assert [of.shape for of in robot.tej(poses)] == [(50, 4, 4), (50, 4, 4)]
     assert robot.inverse_dynamics(poses, np.zeros(3), np.zeros(3)).shape == (50, 4)
     assert tp.simulate(robot).torque.shape[1] == 4
+    most, *_ = _core.fastest(robot.core, np.array([robot.home]))  # at home the arms are alike
+    np.testing.assert_allclose(most[0, :4], most[0, 0])
 
 
 def test_motors_alone_estimate_and_calibrate(robot, poses):

@@ -22,6 +22,7 @@ from truepose.arguments import (
 from truepose.control.controller import LONGEST_STOP, Controller
 from truepose.control.effects import Effects, assumed_friction
 from truepose.exceptions import InputError, PoseError
+from truepose.robot.batches import inverse
 from truepose.robot.laws import usual
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -253,23 +254,26 @@ class SafetyLimits(Shown):
 
     def require_path(self, x: Array, rate: Array, acceleration: Array) -> None:
         """Raise InputError if a limit is below what a path's setpoints (T, n) need of it."""
-        rows = (np.ascontiguousarray(values, dtype=float) for values in (x, rate, acceleration))
-        *needs, low, high, status, _ = _core.path_needs(self.robot.core, self.core, *rows)
-        units = reading_units(self.robot)
-        kinds = ("speed", "q/s"), ("torque", "t"), ("slew", "t/s")
-        for (name, kind), need in zip(kinds, needs, strict=True):
-            most = self.motors(name)
-            if (over := np.array(need[: self.robot.m]) > most).any():
+        robot, core = self.robot, self.core
+        motors = (inverse(robot.jacobian(x)) @ rate[..., None])[..., 0]
+        torque = robot.inverse_dynamics(x, rate, acceleration)
+        slew = np.diff(torque, axis=0) / core.period
+        needs = ("speed", "q/s", motors), ("torque", "t", torque), ("slew", "t/s", slew)
+        for name, kind, values in needs:
+            need, most = np.abs(values).max(0, initial=0), self.motors(name)
+            if (over := need > most).any():
                 k = int(over.argmax())
                 raise InputError(
                     f"safety: {name} of motor {k + 1}: the path needs {need[k]:.4g} "
-                    f"{_unit(kind, units[k])}, the limit is {most[k]:.4g}: slow the path down, or "
-                    "raise the limit"
+                    f"{_unit(kind, reading_units(robot)[k])}, the limit is {most[k]:.4g}: slow "
+                    "the path down, or raise the limit"
                 )
-        if status > 0:
+        low, high = x.min(0), x.max(0)
+        least, most = np.array([core.box_low, core.box_high])[:, : robot.n]
+        if ((least < most) & ((low < least) | (high > most))).any():
             outside = [
                 f"{name} {a:.4g} to {b:.4g}"
-                for (name, _), a, b in zip(self.robot.coordinates, low, high, strict=False)
+                for (name, _), a, b in zip(robot.coordinates, low, high, strict=True)
             ]
             raise InputError(f"safety: the path leaves box: it spans {', '.join(outside)}")
 

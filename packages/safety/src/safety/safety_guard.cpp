@@ -11,10 +11,9 @@ void complete(int n, const Setpoint& setpoint, const Extended& q_e, Outcome answ
     std::uint32_t stuck = 0;
     for (int i = 0; i < n; ++i) {
       const MonitoredReading& motor = monitor->reading[i];
-      if (motor.health == Health::failed || motor.extrapolated.cycles > 0) cycle.unused |= bit(i);
       if (monitor->doubted & bit(i) && motor.standstill.may_be_frozen()) stuck |= bit(i);
     }
-    cycle.unused |= monitor->held;
+    cycle.unused = monitor->unused(n);
     cycle.suspected = cycle.unused | stuck | (monitor->lost & (bit(n) - 1));
     cycle.lost = monitor->lost || (monitor->undecided && stuck);
     cycle.disagree = monitor->undecided && !cycle.lost;

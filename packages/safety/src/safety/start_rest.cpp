@@ -15,19 +15,15 @@ Real rest_level(const Robot& robot, const SafetyLimits& limits, const Weighing& 
   if (fkm(robot, motors_of(robot, q_e), pose).status > Status::ok) return INFINITY;
   if (robot.r == 0 || !weighing) return 0;
   const Knowledge& known = *weighing.known;
-  Real *PH = weighing.work, *B = PH + e * parameter_count(robot);
   Extended beyond, noise{};
   Parity parity;
   Parasitic rest;
   Outcome outcome = parity.look(robot, pose, {});
-  if (outcome) outcome = geometry_at(robot, parity, pose, PH, beyond, rest);
-  if (outcome) outcome = parity.locate(robot, pose, q_e, beyond);
+  ParityGeometry geometry{};
+  if (outcome)
+    outcome = parity.geometry_at(robot, pose, known, weighing.work, geometry, beyond, rest);
+  if (outcome) outcome = parity.locate(robot, {true, pose}, q_e, beyond);
   if (!outcome) return INFINITY;
-  parity.open(robot, known, PH, B);
-  Matrix<kMaxSensors, kMaxSensors> geometry{};
-  for (int k = 0; k < robot.r; ++k)
-    for (int l = 0; l <= k; ++l)
-      geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
   for (int c = 0; c < e; ++c) noise[c] = known.sigma[c] * known.sigma[c];
   ReadingCovariance V;
   parity.covariance(robot.r, noise, geometry, 1, V);
