@@ -55,7 +55,7 @@ MODULES = {
     "truepose.studies.life_rates": "truepose_life.rates",
     "truepose.studies.life_report": "truepose_life.report",
 }
-#: New name of each name of a module that moved.
+#: New name of each name of a module that moved, and of names that are usual elsewhere.
 NAMES = {
     "truepose": {
         "Fit": "truepose.calibration.Calibration",
@@ -70,12 +70,17 @@ NAMES = {
         "plan": "truepose.plan_poses",
         "robots": "truepose.list_robots",
         "settle": "truepose.steady_state",
+        "load_robot": "truepose.load",
         "study": "truepose.monte_carlo",
     },
     "truepose.Robot": {
+        "J": "jacobian(x)",
+        "dof": "n",
         "extended": "extended_positions",
         "finest": "at_highest_level",
         "finest_level": "highest_level",
+        "forward_kinematics": "fkm",
+        "inverse_kinematics": "ikm",
         "leakage": "cross_sensitivity",
         "linearise": "linearize",
         "parasitic": "residual_motion",

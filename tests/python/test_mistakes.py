@@ -154,6 +154,15 @@ MISTAKES = {
         lambda: H4.estimate(Q),
         r"q_e: shape \(4,\), must be \(\.\.\., 5\) for h4",
     ),
+    "options as a dict": (
+        lambda: tp.calibrate(H4, some_readings(), options={"loss": "squares"}),
+        r"options = .*CalibrationOptions\(",
+    ),
+    "a robot of a name": (lambda: tp.Robot("h4"), r"spec = 'h4': .*truepose\.load\(name\)"),
+    "a name to for_robot": (lambda: tp.Controller.for_robot("h4"), r"truepose\.load\(name\)"),
+    "a log's path first": (lambda: tp.logs.read("log.csv", H4), r"truepose\.load\(name\)"),
+    "a parameter without its chain": (lambda: H4.parameters["rods"], r"unknown parameter 'rods'"),
+    "a pattern to replace": (lambda: H4.replace({"chain*.rod": 0.48}), r"mean 'chain1\.rod'"),
     "a kind of fault": (lambda: Fault("theta", "broken"), "choices: bias, jump, spike, stuck"),
     "a fault's reading": (
         lambda: tp.simulate(H4, faults=[Fault("tetha", "stuck")]),
@@ -229,6 +238,21 @@ COMMANDS = {
     "capital columns": (logged(f"{HEAD.upper()}\n{ROWS}"), CALIBRATE, "q1"),
     "columns of other names": (logged(f"{HEAD.replace('q', 'm')}\n{ROWS}"), CALIBRATE, "--columns"),
     "a unit in the head": (logged(f"{HEAD.replace('q1', 'q1 (deg)')}\n{ROWS}"), CALIBRATE, "q1"),
+    "a unit in the head of a measurement": (
+        logged(f"{HEAD},measured_x [mm]\n" + ROWS.replace("\n", ",1\n") + ",1"),
+        CALIBRATE,
+        "'measured_x = NAME mm'",
+    ),
+    "legs of other names": (
+        logged("leg1,leg2,leg3,leg4,leg5,leg6\n1,1,1,1,1,1"),
+        "calibrate stewart log.csv",
+        "'q1 = NAME mm'",
+    ),
+    "a tracker's columns without measured_": (
+        logged("q1,q2,q3,x,y,z\n" + ",".join(map(repr, DELTA.ikm(DELTA.home).tolist())) + ",0,0,0"),
+        "calibrate delta log.csv",
+        "not used: x, y, z",
+    ),
     "a log between spaces": (logged(f"{HEAD}\n{ROWS}".replace(",", "  ")), CALIBRATE, "commas"),
     "decimal commas": (
         logged(f"{HEAD}\n{ROWS}".replace(",", ";").replace(".", ",")),
@@ -359,6 +383,10 @@ OF_PYTHON = {
     "tp.Watch": (lambda: tp.Watch, "FaultMonitor"),
     "tp.Fault": (lambda: tp.Fault("theta", "stuck"), "truepose.faults.Fault"),
     "robot.finest": (lambda: H4.finest, "at_highest_level"),
+    "tp.load_robot": (lambda: tp.load_robot, "truepose.load "),
+    "robot.forward_kinematics": (lambda: H4.forward_kinematics(Q), "is fkm"),
+    "robot.inverse_kinematics": (lambda: H4.inverse_kinematics(X), "is ikm"),
+    "robot.dof": (lambda: H4.dof, "is n "),
     "robot.ikn": (lambda: H4.ikn(X), "'ikm'"),
     "a law in capitals": (lambda: tp.Controller(law="TEJ"), "'tej'"),
     "half a pose": (lambda: tp.plan_poses(H4, 5.5), "count = 5.5"),

@@ -3,6 +3,8 @@
 Lines that level them: tests/cpp/test_printers.cpp.
 """
 
+import re
+
 import numpy as np
 import pytest
 from printer_files import drawn
@@ -246,6 +248,35 @@ def height_map(settings, tilt=(0, 0), version=2):
     return f"{text}RepRapFirmware height map file v2 generated at 2026\n{names}\n{values}\n{rows}"
 
 
+#: Headings of Marlin's M503 beside the settings.
+HEADINGS = "Recv: echo:Endstop adjustment:\nRecv: echo:Delta settings: L<diagonal_rod> R<radius>\n"
+
+
+def from_web(settings):
+    """Answers of RepRapFirmware in its web console: the newest on top."""
+    setup, heights = rrf(settings).split("G32 bed")
+    at = "5.11.2019, 19:3{}:24 | "
+    diagonals = "M665Diagonals 345.000:345.000:345.000, delta radius {}, "
+    diagonals += "homed height 418.000, X 0.0°, Y 0.0°, Z 0.0°\n"
+    return "".join(
+        [
+            setup.split("\n", 2)[2],
+            at.format(4) + "G32 bed" + heights,
+            at.format(3) + "M666Endstop adjustments X0.00 Y0.40 Z0.30, tilt X0.00% Y0.00%\n",
+            at.format(2) + diagonals.format("160.000"),
+            at.format(1) + "G32Calibrated 6 factors using 13 points, deviation before 0.1\n",
+            at.format(0) + diagonals.format("137.351"),
+        ]
+    )
+
+
+def exported(text):
+    """Repetier-Host's file of an EEPROM, with the heights."""
+    rows = re.findall(r"EPR:(\d) (\d+) (\S+)", text)
+    lines = [f"<epr pos='{at}' type='{kind}' value='{v}'>X</epr>\n" for kind, at, v in rows]
+    return "".join(lines) + text[text.index("Recv: Z-probe") :]
+
+
 DIALECTS = {
     "Smoothieware G29.1": smoothieware(BEFORE),
     "Smoothieware G29": smoothieware(BEFORE, "G29"),
@@ -258,11 +289,22 @@ DIALECTS = {
     "Repetier": repetier(BEFORE),
     "Repetier M206": repetier(BEFORE).replace("EPR:3 885 160", "Send: M206 T3 P885 X160 ;"),
     "Repetier later": repetier(BEFORE, "Recv: FIRMWARE_NAME:Repetier_0.92.9 FIRMWARE_URL\n"),
+    "Repetier decimal commas": re.sub(r"(\d)\.(\d)", r"\1,\2", repetier(BEFORE)),
+    "Repetier file": exported(repetier(BEFORE)),
+    "RepRapFirmware web": from_web(BEFORE),
+    "RepRapFirmware failed": rrf(BEFORE)
+    .replace("G30 P13", "G30 P14")
+    .replace("G32 bed", "G30 P13 X0 Y90 Z-99999 S-1\nG32 bed")
+    .replace(", mean", " probing failed, mean"),
+    "RepRapFirmware old": "Diagonal 345.00, delta radius 160.00, homed height 418.00\n"
+    "Endstop adjustments X: 0.00 Y: 0.40 Z: 0.30\n" + rrf(BEFORE).split("\n", 2)[2],
     "RepRapFirmware map 1": height_map(BEFORE, version=1),
     "RepRapFirmware map 2": height_map(BEFORE),
     "RepRapFirmware map 3": height_map(BEFORE, version=3),
     "RepRapFirmware typed": rrf(BEFORE).replace("G30 P", "g30 p").replace("M66", "m66"),
     "Marlin old": m503(BEFORE) + g30(BEFORE).replace("Bed X", "Bed Position X"),
+    "Marlin M503": HEADINGS + m503(BEFORE, " B78.21") + g30(BEFORE),
+    "Marlin decimal commas": (m503(BEFORE) + g30(BEFORE)).replace(".", ","),
     "Marlin": "FIRMWARE_NAME:Marlin 2.1.2.1 (Jan)\n" + m503(BEFORE) + g30(BEFORE),
 }
 
@@ -312,6 +354,18 @@ def test_every_dialect_has_the_same_printer(name):
             "G30" + rrf(BEFORE).split("G30", 1)[1],
             "M665 has no L, the length of the rods: for RepRap",
         ),
+        (
+            "echo:Endstop adjustment\nM666 X0\nM666 A0.0 R160.0 D345.0\n" + g30(BEFORE),
+            "fork of Marlin",
+        ),
+        (rrf(BEFORE).replace("L345", "L345:345:345:345"), "L has 4 rods: RepRapFirmware of three"),
+        (rrf(BEFORE).split("G32")[0] + "G32 bed probe heights:", "no probed heights: for RepRap"),
+        ("Calibrating Endstops: target 0.03mm\nM665 L345 R160\n", "heights: for Smoothieware"),
+        (
+            repetier(BEFORE).split("Recv: Z-p")[0] + "X:\t-80\t0\ny: 80.00\t12.4\t12.5\n",
+            "no probed heights: for Repetier",
+        ),
+        (smoothieware(BEFORE).split("G29.1")[0] + "G29.1\nX0.0 Y0.0 Z0.1\n", "1 probed points"),
         (g30(BEFORE), "M665 has no L, the length of the rods: for Marlin give M503"),
         (
             m503(BEFORE).replace(" H418.00", " I0 J0 K0") + g30(BEFORE),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs, moved
-from truepose.arguments import finite_rows
+from truepose.arguments import finite_rows, require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
@@ -127,6 +127,7 @@ def calibrate(
     True
     """
     require_robot(robot)
+    require(options, CalibrationOptions, "options", 'CalibrationOptions(loss="squares")')
     if isinstance(readings, str | Path):
         raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     table, notes, refused = logs.is_table(readings), list[str](), list[str]()

@@ -122,6 +122,8 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
             f"{robot.coordinates[0][0]}, …), or touch a plane or a point again and again "
             "(plane, point)"
         )
+        if log.unused:
+            more += f"; columns not used: {', '.join(log.unused)}"
         said = f"nothing to calibrate from: {robot.m} motors determine only the pose; "
         yield Finding(said + (f"{use} (with_sensors)" if spare else more), refused=True)
     elif spare:

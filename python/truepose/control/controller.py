@@ -115,6 +115,7 @@ class Controller(ControllerSettings):
         >>> tp.simulate(h4, controller=controller, effects=tp.Effects()).status
         'ok'
         """
+        require(robot, Robot, "robot", "truepose.load(name)")
         if isinstance(law, Controller):
             rest = law
         else:

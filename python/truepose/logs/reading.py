@@ -17,7 +17,7 @@ from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, PoseError, choose, controls, one_line
 from truepose.logs import base_lean, formulas, limits, orientation, raw
 from truepose.plugins import plugins
-from truepose.robot import Payloads, Robot, lean
+from truepose.robot import Payloads, Robot, lean, reading_units, require_robot
 
 #: Texts of an empty cell, in lower case.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none", "<na>")
@@ -121,6 +121,7 @@ def read(
     measured_roll, measured_pitch, measured_yaw: "ZYX" (the default), R = R_z R_y R_x, or another
     order; lower case, "xyz", about fixed axes, the first turn first.
     """
+    require_robot(robot)
     path = Path(path)
     data = limits.read(path)
     table: dict[str, Any] | None
@@ -337,7 +338,7 @@ class Cells(NamedTuple):
             if name in turned or not name.startswith("measured_"):
                 continue
             if name.removesuffix("_sigma") not in outside:
-                raise InputError(f"{where}: {choose('column', name, [*outside, *turned])}")
+                raise InputError(f"{where}: {_unknown(name, [*outside, *turned])}")
         if len(self.lines) == 0:
             raise InputError(f"{where}: no line of readings")
         one = {
@@ -387,13 +388,23 @@ class Cells(NamedTuple):
         return Log(*about, unused, sigma, labels, above, loads, implied, leans, angles, form)
 
 
+def _by_formula(name: str, unit: str) -> str:
+    return f"; --columns '{name} = NAME {unit}' takes a column of another name or unit"
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    hint = _by_formula(name.split(maxsplit=1)[0], "mm") if " " in name else ""
+    return choose("column", name, known) + hint
+
+
 def _missing(robot: Robot, missing: list[str], columns: list[str], word: str) -> str:
     sensors = all(name in robot.sensors for name in missing)
     hint = "; leave a sensor out that was not read (--sensors, with_sensors)" if sensors else ""
     if {name.lower() for name in missing} & {name.lower() for name in columns}:
         hint = f"; case matters{hint}"
     elif not sensors and word == "line":
-        hint = f"; --columns '{missing[0]} = NAME deg' takes a column of another name or unit"
+        length = reading_units(robot)[robot.readings.index(missing[0])] == "m"
+        hint = _by_formula(missing[0], "mm" if length else "deg")
     if len(missing) == 1:
         return choose("column", missing[0], columns).replace("unknown", "no", 1) + hint
     return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"

@@ -44,6 +44,9 @@ class Parameters(dict[str, Parameter]):
             f"robot.replace({{{name!r}: value}}) returns one with this value"
         )
 
+    def __missing__(self, name: str) -> Parameter:
+        raise InputError(choose("parameter", name, self))
+
     def __reduce__(self) -> tuple[type[Parameters], tuple[dict[str, Parameter]]]:
         return Parameters, (dict(self),)
 
@@ -62,6 +65,7 @@ class Description:
     core_drawn: _core.Robot  # nominal
 
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
+        require(spec, RobotFile, "spec", "truepose.load(name) makes a Robot")
         self.spec: Final = spec  #: robot file this robot was made from
         self.name: Final = spec.name  #: the robot's name
         self.n: Final = spec.n  #: number of degrees of freedom

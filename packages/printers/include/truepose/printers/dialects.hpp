@@ -61,6 +61,16 @@ inline bool Dialect::reads(const string& word) const {
   return found;
 }
 
+/// Whether M666 sets a radius or a rod, as in MarlinKimbra, MK4duo and Rich Cattell's Marlin.
+inline bool forked(string_view text) {
+  for (const string_view line : lines_of(text))
+    if (const size_t at = line.find("M666"); at != line.npos)
+      for (const char* letter : {" R", " D"})
+        if (const size_t k = line.find(letter, at); k != line.npos && k + 2 < line.size())
+          if (digit(line[k + 2])) return true;
+  return false;
+}
+
 /// The dialect of a text; null with the reason if none is known for its firmware, with a reason the
 /// first if nothing tells.
 inline const Dialect* spoken(string_view text, string& why) {
@@ -69,8 +79,6 @@ inline const Dialect* spoken(string_view text, string& why) {
       "Smoothieware and Repetier";
   constexpr pair<const char*, int> kSigns[] = {{"MK4duo", -1},
                                                {"MarlinKimbra", -1},
-                                               {"M666 R", -1},
-                                               {"M666 D", -1},
                                                {"EPR:", 3},
                                                {"Z-probe:", 3},
                                                {"arm_radius ", 2},
@@ -78,9 +86,10 @@ inline const Dialect* spoken(string_view text, string& why) {
                                                {"G29.1", 2},
                                                {"center probe:", 2},
                                                {"Trim (mm)", 2},
+                                               {"Calibrating Endstops", 2},
                                                {"delta radius ", 1},
                                                {"probe heights:", 1},
-                                               {"ndstop adjust", 1},
+                                               {"ndstop adjustments ", 1},
                                                {"height map file", 1},
                                                {"G30 P", 1},
                                                {"M569 P", 1},
@@ -100,6 +109,10 @@ inline const Dialect* spoken(string_view text, string& why) {
     why = lower(name).starts_with("klipper")
               ? "a session of Klipper: give printer.cfg or klippy.log"
               : kName + one_line(name, 30) + kKnown;
+    return nullptr;
+  }
+  if (forked(text)) {
+    why = string("M666 R or D, of MK4duo or a fork of Marlin") + kKnown;
     return nullptr;
   }
   for (const auto& [sign, number] : kSigns)

@@ -22,6 +22,9 @@ inline string unread(const Words& words, const Dialect& by) {
         word.c_str(), by.eeprom() ? " " : "", value, by.name, neutral);
   };
   for (const auto& [word, values] : words) {
+    if (word == by.rod && values.size() != 1 && values.size() != 3)
+      return format("%s has %d rods: %s of three towers alone is read", word.c_str(),
+                    int(values.size()), by.name);
     const Command* of = command_of(word.substr(0, word.find(' ')));
     const char letter = word.back();
     bool used = by.reads(word) && (values.size() == 1 || (word == by.rod && values.size() == 3));
@@ -96,7 +99,8 @@ inline string points_of(const Probing& of, const Dialect& dialect, double probe_
       return format(
           "%d bed probe heights, but %d places 'G30 P… X… Y…': give bed.g and the answer to it",
           int(of.g32.size()), int(of.places.size()));
-    points.emplace_back(of.places.at(int(k)).first, of.places.at(int(k)).second, of.g32[k]);
+    const auto& [x, y] = of.places.at(int(k));
+    if (!isnan(of.g32[k])) points.emplace_back(x, y, of.g32[k]);
   }
   if (!of.g33.empty()) {
     const bool shifted = option_of(of.options, 'O', 0) != 0;
@@ -141,7 +145,7 @@ inline Config read(string_view text, double probe_radius) {
   const Dialect* spoken_ = spoken(text, why);
   const Dialect& dialect = spoken_ ? *spoken_ : kDialects[0];
   const Session session(text, dialect);
-  if (!session.seen && !(has("M666 R") || has("M666 D"))) return parse_config(text);
+  if (!session.seen && !forked(text)) return parse_config(text);
   if (!spoken_) config.fail(why);
   if (!spoken_) return config;
   const bool unsure = !why.empty();
@@ -158,7 +162,7 @@ inline Config read(string_view text, double probe_radius) {
       if (why.empty()) why = said;
       if (said.empty()) of = &each;
     }
-  if (count == 0) {
+  if (!of && why.empty()) {
     why = "no probed heights: ";
     for (const Dialect& each : kDialects)
       if (unsure || &each == &dialect)
@@ -199,7 +203,7 @@ inline Config read(string_view text, double probe_radius) {
   }
   if (!config.error.empty()) return config;
   const double radius = dialect.reads("M666 A") ? value_of(of->words, "M665 B") : 0;
-  lines += format("radius: %.17g\n", radius > 0 ? radius : reach);
+  lines += format("radius: %.17g\n", radius > 0 ? radius : max(reach, 1.0));
   for (int i = 0; i < 3; ++i)
     lines += format(
         "[stepper_%c]\nstep_distance: %.17g\narm_length: %.17g\nangle: %.17g\n"

@@ -17,13 +17,19 @@ inline bool begins(string_view text, size_t at) {
 }
 
 /// Decimal numbers with ':' between, behind spaces at a place of a text, which moves behind them;
-/// `unit` is one of the last digit.
+/// `unit` is one of the last digit. A comma between digits is a decimal point.
 inline vector<double> numbers(string_view text, size_t& at, double& unit) {
   vector<double> values;
   for (at = min(text.find_first_not_of(" \t", at), text.size()); at < text.size(); ++at) {
     const bool sign = text[at] == '-' || text[at] == '+';
-    const size_t end = min(text.find_first_not_of("0123456789.", at + sign), text.size());
-    const string_view word = text.substr(at, end - at);
+    size_t end = min(text.find_first_not_of("0123456789.", at + sign), text.size());
+    string word(text.substr(at, end - at));
+    if (end > at + sign && end + 1 < text.size() && text[end] == ',' && digit(text[end + 1]) &&
+        word.find('.') == word.npos) {
+      at = end + 1;
+      end = min(text.find_first_not_of("0123456789", at), text.size());
+      word += '.' + string(text.substr(at, end - at));
+    }
     const double value = number_of(word);
     if (isnan(value)) break;
     values.push_back(value);
@@ -77,6 +83,9 @@ constexpr struct {
     {"ndstop adjustments ", "adjustments X", "M666 X"},
     {"ndstop adjustments ", " Y", "M666 Y"},
     {"ndstop adjustments ", " Z", "M666 Z"},
+    {"ndstop adjustments ", "adjustments X:", "M666 X"},
+    {"ndstop adjustments ", " Y:", "M666 Y"},
+    {"ndstop adjustments ", " Z:", "M666 Z"},
     {"ndstop adjustments ", "tilt X", "M666 A"},
     {"ndstop adjustments ", "% Y", "M666 B"},
     {"arm_length", "arm_length", "M665 L"},
@@ -121,6 +130,43 @@ inline double option_of(const map<char, double>& of, char letter, double otherwi
   return at == of.end() ? otherwise : at->second;
 }
 
+/// Seconds of the clock in the first words of a line, -1 if there is none.
+inline int clock_of(string_view line) {
+  line = line.substr(0, 30);
+  for (size_t at = line.find(':'); at != line.npos; at = line.find(':', at + 1)) {
+    int hour = 0, minute = 0, second = 0;
+    const size_t from = at < 2 || !digit(line[at - 2]) ? at - 1 : at - 2;
+    const string clock(line.substr(min(from, line.size())));
+    if (std::sscanf(clock.c_str(), "%2d:%2d:%2d", &hour, &minute, &second) == 3) {
+      const bool later = clock.find(" PM") != clock.npos;
+      if (later || clock.find(" AM") != clock.npos) hour = hour % 12 + 12 * later;
+      return (60 * hour + minute) * 60 + second;
+    }
+  }
+  return -1;
+}
+
+/// The lines of a text in order of time: RepRapFirmware's web console has the newest on top.
+inline vector<string_view> in_order(string_view text) {
+  const vector<string_view> lines = lines_of(text);
+  vector<vector<string_view>> parts(1);  // those before the first clock, then by clock
+  vector<int> clocks;
+  for (const string_view line : lines) {
+    if (const int clock = clock_of(line); clock >= 0) {
+      clocks.push_back(clock);
+      parts.emplace_back();
+    }
+    parts.back().push_back(line);
+  }
+  if (clocks.empty() || !std::is_sorted(clocks.rbegin(), clocks.rend()) ||
+      clocks.front() == clocks.back())
+    return lines;
+  std::reverse(parts.begin() + 1, parts.end());
+  vector<string_view> ordered;
+  for (const auto& part : parts) ordered.insert(ordered.end(), part.begin(), part.end());
+  return ordered;
+}
+
 /// State of the printer along a session.
 class Session {
  public:
@@ -131,7 +177,7 @@ class Session {
 
   Session(string_view text, const Dialect& dialect) : of_(dialect) {
     const char* comment = of_.relative ? ";#" : ";";
-    for (const string_view whole : lines_of(text))
+    for (const string_view whole : in_order(text))
       line(whole.substr(0, whole.find_first_of(comment)));
     settle();
     for (Probing& each : probings) {
@@ -263,11 +309,15 @@ class Session {
       if (const auto values = after(label); has(in) && !values.empty())
         set(word, values, unit, false);
     if (const size_t at = text.find("EPR:"); at != text.npos && of_.eeprom()) {
-      const size_t next = text.find(' ', at);
-      const vector<string> parts = parts_of(text.substr(min(next, text.size())), ' ');
-      if (parts.size() > 2 && !isnan(number_of(parts[2])))
-        set("EPR " + parts[1], {number_of(parts[2])}, 1e-3, false);
+      const vector<string> parts = parts_of(text.substr(at), ' ');
+      size_t from = 0;
+      if (parts.size() > 2)
+        if (const auto values = numbers(parts[2], from, unit); !values.empty())
+          set("EPR " + parts[1], {values[0]}, 1e-3, false);
     }
+    if (const auto number = after("<epr pos='"), value = after("value='");
+        of_.eeprom() && !number.empty() && !value.empty())  // a file of Repetier-Host
+      set(format("EPR %.0f", number[0]), {value[0]}, 1e-3, false);
     string caps(text);  // commands may be typed in lower case
     for (char& c : caps)
       if (c >= 'a' && c <= 'z') c = char(c + 'A' - 'a');
@@ -301,12 +351,18 @@ class Session {
     }
     if (const size_t at = text.find("ed probe heights:"); at != text.npos) {
       vector<double>& heights = probing("G32", true).g32;
-      size_t next = at + 17;
-      for (auto z = numbers(text, next, unit); !z.empty(); z = numbers(text, next, unit))
-        heights.push_back(z[0]);
+      const string_view told = text.substr(0, text.find(", mean", at));
+      for (const string& part : parts_of(told.substr(at + 17), ' ')) {
+        size_t from = 0;
+        if (const auto z = numbers(part, from, unit); !z.empty())
+          heights.push_back(z[0]);
+        else if (part == "set" || part == "failed")  // "not set", "probing failed"
+          heights.push_back(kNaN);
+      }
     }
     for (const string name : {"c", "x", "y", "z", "yz", "zx", "xy"})
-      for (size_t at = text.find(name + ":"); !sent && at < text.size();
+      for (size_t at = text.find(name + ":");
+           of_.kind == kDialects->kind && !sent && at < text.size();
            at = text.find(name + ":", at + 1))
         if (const auto z = after(name + ":", at); begins(text, at) && !z.empty()) {
           const bool again = !probings.empty() && probings.back().by == "G33" &&
