@@ -40,7 +40,7 @@ struct MultirateSettings {
   }
 };
 
-/// What the motors say at one time.
+/// Sensors' values and motion of the pose, by the motors at one time.
 struct ByMotors {
   Reading expected{};  ///< h
   Coordinates way{};   ///< motion of the pose since the start

@@ -95,6 +95,7 @@ Outcome Parity::geometry_at(const Robot& robot, const Pose& pose, const Knowledg
   if (outcome && robot.rod_by_rod()) {
     Extended ideal;
     outcome = extended(Level::ideal, robot, pose, ideal);
+    if (!outcome) return outcome;
     for (int c : range(readings(robot))) beyond[c] = q_e[c] - ideal[c];
   }
   if (!outcome) return outcome;

@@ -175,6 +175,7 @@ struct Online : OnlineCalibrator {
   }
   /// Resumes from another object's arrays and memory.
   void resume(const std::vector<nb::bytes>& saved) {
+    if (saved.size() != parts().size()) throw std::invalid_argument("the memory of another filter");
     recognised.resize(saved.back().size() / sizeof recognised[0]);
     for (std::size_t k = 0; const auto& part : parts()) {
       if (saved[k].size() != part.size())

@@ -60,7 +60,7 @@ struct Simulation {
   Extras extras = pointers();
   std::optional<Loop> loop{};
 
-  /// What a loop points to.
+  /// Inputs of a loop.
   Extras pointers();
   /// The loop, a new one at the beginning and after a failure.
   Loop& running() {

@@ -10,7 +10,8 @@ Loop::Loop(const Robot& nominal, const Robot& truth, const ControlSettings& sett
       plant_(truth, extras.effects, to_pose(truth.mobility, start), seed),
       resting_(plant_.rest()),
       bus_(extras.bus ? *extras.bus : MultirateSettings{}) {
-  if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
+  if (extras.late)
+    if (const Outcome started = truepose::start(*extras.late, late_); resting_) resting_ = started;
   if (extras.guard) extras.guard->restart();
 }
 

@@ -67,8 +67,8 @@ class Loop {
   /// @return of the controller
   Status step(const Setpoint& setpoint, const Extended& q_e, bool frozen);
 
-  /// What the machine gets: the guard's report; without one the controller's torque and what
-  /// its fault monitor requests, of state -1.
+  /// Torques, brakes and stop for the machine: the guard's report; without one the controller's
+  /// torque and what its fault monitor requests, of state -1.
   GuardReport report() const;
 
   PathClock clock;  ///< of the path

@@ -93,7 +93,8 @@ def test_gains_count_a_late_sensor_as_what_the_motors_say(camera):
     z = np.exp(1j * np.array([0.01, 0.1, 1.0]))
     answers = [p.E @ p.response(z)[0] for p in (prompt, slow, joint)]
     np.testing.assert_allclose(answers[1], answers[0], rtol=1e-9)
-    np.testing.assert_allclose(answers[2], answers[0], rtol=1e-9)
+    rounding = 1e-12 * abs(answers[0]).max()  # of coordinates that others hardly move
+    np.testing.assert_allclose(answers[2], answers[0], rtol=1e-9, atol=rounding)
     assert abs(prompt.E[:, 4:]).max() > 0.1
 
 

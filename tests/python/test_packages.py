@@ -37,7 +37,7 @@ def test_every_command_that_moved_is_in_its_package():
 @pytest.mark.parametrize(("command", "package"), moved.COMMANDS.items())
 def test_a_command_of_a_package_that_is_not_installed_states_how_to_install_it(command, package):
     app = typer.Typer()
-    app.command()(moved.answer(command, package))
+    app.command()(moved.answer(moved.where(f"truepose {command}", package)))
     said = CliRunner().invoke(app).exception
     assert isinstance(said, InputError)
     assert f"pip install packages/{package}" in str(said)

@@ -296,6 +296,9 @@ DIALECTS = {
     .replace("G30 P13", "G30 P14")
     .replace("G32 bed", "G30 P13 X0 Y90 Z-99999 S-1\nG32 bed")
     .replace(", mean", " probing failed, mean"),
+    "RepRapFirmware failed later": rrf(BEFORE) + "G32 bed probe heights:" + " probing failed" * 13,
+    "RepRapFirmware triples": "M350 X16 Y16 Z16 E16:16:16 I1\n"
+    + rrf(BEFORE).replace("G30 P0 ", "M563 P0 D10:1:2 H1\nG30 P0 "),
     "RepRapFirmware old": "Diagonal 345.00, delta radius 160.00, homed height 418.00\n"
     "Endstop adjustments X: 0.00 Y: 0.40 Z: 0.30\n" + rrf(BEFORE).split("\n", 2)[2],
     "RepRapFirmware map 1": height_map(BEFORE, version=1),
@@ -304,6 +307,7 @@ DIALECTS = {
     "RepRapFirmware typed": rrf(BEFORE).replace("G30 P", "g30 p").replace("M66", "m66"),
     "Marlin old": m503(BEFORE) + g30(BEFORE).replace("Bed X", "Bed Position X"),
     "Marlin M503": HEADINGS + m503(BEFORE, " B78.21") + g30(BEFORE),
+    "Marlin comments": re.sub("(M666.*)", r"\1 ; from G33, R160 D2", m503(BEFORE)) + g30(BEFORE),
     "Marlin decimal commas": (m503(BEFORE) + g30(BEFORE)).replace(".", ","),
     "Marlin": "FIRMWARE_NAME:Marlin 2.1.2.1 (Jan)\n" + m503(BEFORE) + g30(BEFORE),
 }

@@ -184,8 +184,9 @@ class OnlineCalibrator:
                 raise InputError(f"health: shape {np.shape(health)}, must be that of q_e")
             used = np.asarray(~np.reshape(health, rows.shape).any(axis=1))
         x = np.full((len(rows), robot.n), np.nan)
-        x[used], status, chain = self._filter.observe(rows[used], np.zeros(0))
-        require_answers(robot, "reading", rows[used], lead, status, chain, errors, name="q_e")
+        status, chain = np.zeros((2, len(rows)), dtype=int)
+        x[used], status[used], chain[used] = self._filter.observe(rows[used], np.zeros(0))
+        require_answers(robot, "reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, robot.n)
 
     def replay(self, q_e: ArrayLike, times: int = 3) -> None:

@@ -157,6 +157,8 @@ def parse_ranges(
     result: dict[str, tuple[float, float]] = {}
     for text in texts:
         name, _, box = text.partition("=")
+        if box and units and name.strip() not in units:
+            raise InputError(f"{option}: {choose('coordinate', name.strip(), units)}")
         unit = units.get(name.strip(), "m")
         ends = map(options.with_unit, box.partition("..")[::2])
         low, high = (

@@ -64,10 +64,12 @@ inline bool Dialect::reads(const string& word) const {
 /// Whether M666 sets a radius or a rod, as in MarlinKimbra, MK4duo and Rich Cattell's Marlin.
 inline bool forked(string_view text) {
   for (const string_view line : lines_of(text))
-    if (const size_t at = line.find("M666"); at != line.npos)
+    if (const size_t at = line.find("M666"); at != line.npos) {
+      const string_view own = line.substr(at + 1, line.find_first_of(";#MG", at + 1) - at - 1);
       for (const char* letter : {" R", " D"})
-        if (const size_t k = line.find(letter, at); k != line.npos && k + 2 < line.size())
-          if (digit(line[k + 2])) return true;
+        if (const size_t k = own.find(letter); k != own.npos && k + 2 < own.size())
+          if (digit(own[k + 2])) return true;
+    }
   return false;
 }
 

@@ -122,7 +122,10 @@ struct Probing {
   map<string, string> lost;               ///< unknown ones, and what changed them
   int state = 0;                          ///< number of the settings
 
-  int points() const { return int(bed.size() + g33.size() + g32.size()); }
+  int points() const {
+    const auto failed = std::count_if(g32.begin(), g32.end(), [](double z) { return isnan(z); });
+    return int(bed.size() + g33.size() + g32.size()) - int(failed);
+  }
 };
 
 inline double option_of(const map<char, double>& of, char letter, double otherwise) {
@@ -137,9 +140,10 @@ inline int clock_of(string_view line) {
     int hour = 0, minute = 0, second = 0;
     const size_t from = at < 2 || !digit(line[at - 2]) ? at - 1 : at - 2;
     const string clock(line.substr(min(from, line.size())));
-    if (std::sscanf(clock.c_str(), "%2d:%2d:%2d", &hour, &minute, &second) == 3) {
-      const bool later = clock.find(" PM") != clock.npos;
-      if (later || clock.find(" AM") != clock.npos) hour = hour % 12 + 12 * later;
+    if (begins(line, min(from, line.size())) &&
+        std::sscanf(clock.c_str(), "%2d:%2d:%2d", &hour, &minute, &second) == 3) {
+      const bool later = clock.find("PM") != clock.npos;
+      if (later || clock.find("AM") != clock.npos) hour = hour % 12 + 12 * later;
       return (60 * hour + minute) * 60 + second;
     }
   }
@@ -159,7 +163,8 @@ inline vector<string_view> in_order(string_view text) {
     parts.back().push_back(line);
   }
   if (clocks.empty() || !std::is_sorted(clocks.rbegin(), clocks.rend()) ||
-      clocks.front() == clocks.back())
+      clocks.front() == clocks.back() ||
+      clocks.front() - clocks.back() > 12 * 60 * 60)  // in order, over midnight
     return lines;
   std::reverse(parts.begin() + 1, parts.end());
   vector<string_view> ordered;
@@ -312,8 +317,10 @@ class Session {
       const vector<string> parts = parts_of(text.substr(at), ' ');
       size_t from = 0;
       if (parts.size() > 2)
-        if (const auto values = numbers(parts[2], from, unit); !values.empty())
-          set("EPR " + parts[1], {values[0]}, 1e-3, false);
+        if (const double whole = number_of(parts[2]); !isnan(whole))
+          set("EPR " + parts[1], {whole}, 1e-3, false);
+        else if (const auto values = numbers(parts[2], from, unit); !values.empty())
+          set("EPR " + parts[1], {values[0]}, 1e-3, false);  // of a decimal comma
     }
     if (const auto number = after("<epr pos='"), value = after("value='");
         of_.eeprom() && !number.empty() && !value.empty())  // a file of Repetier-Host
@@ -351,12 +358,12 @@ class Session {
     }
     if (const size_t at = text.find("ed probe heights:"); at != text.npos) {
       vector<double>& heights = probing("G32", true).g32;
-      const string_view told = text.substr(0, text.find(", mean", at));
-      for (const string& part : parts_of(told.substr(at + 17), ' ')) {
+      for (const string& part : parts_of(text.substr(at + 17), ' ')) {
+        if (part.find("mean") != part.npos) break;
         size_t from = 0;
         if (const auto z = numbers(part, from, unit); !z.empty())
           heights.push_back(z[0]);
-        else if (part == "set" || part == "failed")  // "not set", "probing failed"
+        else if (part.starts_with("set") || part.starts_with("failed"))  // "not set", "probing failed"
           heights.push_back(kNaN);
       }
     }
