@@ -363,7 +363,8 @@ class Session {
         size_t from = 0;
         if (const auto z = numbers(part, from, unit); !z.empty())
           heights.push_back(z[0]);
-        else if (part.starts_with("set") || part.starts_with("failed"))  // "not set", "probing failed"
+        else if (part.starts_with("set") ||
+                 part.starts_with("failed"))  // "not set", "probing failed"
           heights.push_back(kNaN);
       }
     }
