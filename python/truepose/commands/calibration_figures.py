@@ -82,7 +82,7 @@ def accuracy(result: Assessment) -> Figure:
     for (when, how), P in result.accuracy.items():
         variance = np.diagonal(P, axis1=1, axis2=2)[:, total.columns].sum(axis=1)
         sigma = total.factor * np.sort(np.sqrt(variance))
-        panels.setdefault(f"{how}, σ of the {total.label}", {})[when] = sigma
+        panels.setdefault(f"{how}\nσ of the {total.label}", {})[when] = sigma
     share = 100 * (np.arange(len(sigma)) + 0.5) / len(sigma)
 
     def draw(figure: Any) -> None:
